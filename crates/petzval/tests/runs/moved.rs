@@ -153,8 +153,9 @@ fn finished_cameras_are_scored_on_other_pictures_with_ranges() {
 fn a_damaged_checkpoint_gives_way_to_the_one_before() {
     let folder = tempfile::tempdir().unwrap();
     let run = finished_run(folder.path());
-    let whole = folder.path().join("whole");
+    let [whole, again] = ["whole", "again"].map(|name| folder.path().join(name));
     copy_folder(&run, &whole);
+    copy_folder(&run, &again);
     run_ok(folder.path(), &["design", "--resume", "whole", "--extend-to", "5"]);
     let metrics = read(&whole.join("metrics.json"));
 
@@ -189,6 +190,20 @@ fn a_damaged_checkpoint_gives_way_to_the_one_before() {
         "--accept-changed",
     ];
     run_fails(folder.path(), &["design", "--resume", "run"], 2, &needles);
+
+    // As the hint says: without the folder the run begins again, to the same bits. A finished one does not begin again.
+    let metrics = read(&again.join("metrics.json"));
+    std::fs::remove_file(again.join("metrics.json")).unwrap();
+    std::fs::remove_dir_all(again.join("checkpoints")).unwrap();
+    let said = run_ok(folder.path(), &["design", "--resume", "again"]);
+    assert!(said.says("no checkpoint is left, and the run begins again"), "{}", said.stderr);
+    assert_eq!(read(&again.join("metrics.json")), metrics);
+    std::fs::remove_dir_all(again.join("checkpoints")).unwrap();
+    let needles =
+        ["the run is finished, and its checkpoints are gone", "design again/config.toml --out FOLDER"];
+    for args in [&["design", "--resume", "again"][..], &["design", "--resume", "again", "--extend-to", "5"]] {
+        run_fails(folder.path(), args, 2, &needles);
+    }
 }
 
 #[test]
