@@ -63,7 +63,7 @@ kinds! {
         "take it out of the file";
     OutsidePicture Error "A box lies outside its picture; it is left out."
         "check that boxes are in pixels of this picture, not of one of another size";
-    CornerBoxes Error "Most boxes reach out of their pictures as they stand, and none would as two corners."
+    CornerBoxes Error "Many boxes reach out of their pictures as they stand, and none would as two corners."
         "COCO boxes are [x, y, width, height]: subtract the first number from the third and the second from the fourth";
     ShareBoxes Error "No number of any box is larger than 1: these are shares of the picture."
         "COCO boxes are in pixels: multiply by width and height of the picture; YOLO label files have shares, see `data convert yolo`";

@@ -42,6 +42,15 @@ impl Loaded {
     pub fn picture(&self, file_name: &str) -> Option<PathBuf> {
         picture_in(&self.folders, file_name)
     }
+
+    /// Refuses boxes that are all of another form than COCO's: what is learned from them or scored by them would be wrong.
+    pub fn check_form(&self) -> Result<(), CocoError> {
+        let is_form = |kind| matches!(kind, DefectKind::CornerBoxes | DefectKind::ShareBoxes);
+        let Some(defect) = self.defects.iter().find(|defect| is_form(defect.kind)) else { return Ok(()) };
+        let sentence = defect.kind.sentence().trim_end_matches('.');
+        let first = defect.first.first().map(|first| format!(" (the first: {first})")).unwrap_or_default();
+        Err(CocoError::content(&self.file, format!("{sentence}{first}"), defect.kind.hint()))
+    }
 }
 
 /// Reads a data set and checks its values; [`check_pictures`](super::check_pictures) then checks the files of its pictures.

@@ -63,6 +63,9 @@ fn boxes_in_another_form_are_known_by_all_of_them() {
     ];
     let found = with_boxes(&corners);
     assert_eq!((found.count(DefectKind::CornerBoxes), found.errors()), (3, 3));
+    // Objects in the upper left do not show it, and one of three that reaches out does.
+    let few = [[4.0, 3.0, 12.0, 14.0], [5.0, 2.0, 15.0, 10.0], [22.0, 16.0, 40.0, 30.0]];
+    assert_eq!(with_boxes(&few).count(DefectKind::CornerBoxes), 1);
     let shares = with_boxes(&[[0.5, 0.5, 0.2, 0.1], [0.1, 0.2, 0.3, 1.0], [0.0, 0.1, 0.4, 0.2]]);
     assert_eq!(shares.count(DefectKind::ShareBoxes), 3);
     // The same boxes as they should be; and objects at the edge, of which most reach out.
