@@ -159,6 +159,13 @@ mod tests {
         assert_eq!(tasks.of(&preset).unwrap().facts().network, NetworkRole::Reads);
         let own = "task = \"objects\"\ndata = \"faces\"\n[[class]]\nname = \"face\"\n";
         assert_eq!(tasks.parse(own).unwrap().classes().names(), ["face"]);
+        // A few classes of one's own have a score each, unless the file names others.
+        assert_eq!(tasks.parse(own).unwrap().scoring.scores, ["ap50", "ap", "ap75", "ap50_face"]);
+        let named = tasks.parse(&format!("{own}[scoring]\nscores = [\"ap\"]\n")).unwrap();
+        assert_eq!(named.scoring.scores, ["ap"]);
+        let many: String = (0..9).map(|i| format!("[[class]]\nname = \"face-{i}\"\n")).collect();
+        let many = tasks.parse(&format!("task = \"objects\"\ndata = \"faces\"\n{many}")).unwrap();
+        assert_eq!(many.scoring.scores, ["ap50", "ap", "ap75"]);
         let own = own.replace("objects", "traffic-light");
         assert_eq!(tasks.parse(&own).unwrap().classes().names(), ["face"]);
         // Written and read back it is the same.

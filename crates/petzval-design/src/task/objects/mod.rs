@@ -43,6 +43,7 @@ impl Task for Objects {
             pictures: PicturesKey::Data,
             has_classes: true,
             default_scores: Some(&["ap50", "ap", "ap75"]),
+            class_score: Some("ap50"),
             scored: "objects",
         }
     }
