@@ -181,6 +181,8 @@ mod tests {
         assert!(refused("[[class]]\nname = \"face\"\n").contains("`image-quality` has no classes"));
         let class = |more: &str| refused(&format!("task = \"objects\"\n[[class]]\n{more}"));
         assert!(class("name = \"a\"\n[[class]]\nname = \"a\"\n").contains("`a` is named twice"));
+        let group = class("name = \"car\"\n[[class]]\nname = \"edge\"\n");
+        assert!(group.contains("line 5") && group.contains("`ap50_edge` is the score of a group"), "{group}");
         assert!(class("name = \"a b\"\n").contains("no name of a class"));
         assert!(class("name = \"red\"\nstate = \"blue\"\n").contains("red, yellow, green or off"));
         assert!(class("name = \"a\"\nfrm = [\"b\"]\n").contains("frm"));
