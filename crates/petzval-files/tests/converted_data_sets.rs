@@ -145,6 +145,15 @@ fn bdd100k_colours_become_states() {
         assert_eq!(converted.defects.count(DefectKind::MissingPicture), 2);
     }
 
+    // A byte order mark is not JSON, and one of UTF-16 says how to read the file.
+    let plain = convert(SourceFormat::Bdd100k, root, None, &Cancel::default()).unwrap();
+    let utf_16: Vec<u8> =
+        std::iter::once(0xfeff).chain(BDD.encode_utf16()).flat_map(u16::to_le_bytes).collect();
+    for bytes in [[b"\xef\xbb\xbf".as_slice(), BDD.as_bytes()].concat(), utf_16] {
+        std::fs::write(root.join("labels/det_val.json"), bytes).unwrap();
+        assert_eq!(convert(SourceFormat::Bdd100k, root, None, &Cancel::default()).unwrap(), plain);
+    }
+
     // A second file about the same pictures adds its boxes to them.
     let more = r#"[{"name": "a.jpg", "labels": [{"category": "bus", "box2d": {"x1": 1, "y1": 2, "x2": 9, "y2": 8}}, {"category": "lane"}]}]"#;
     write(root, "labels/lane_val.json", more);
