@@ -211,7 +211,10 @@ pub fn parse_coco(bytes: Vec<u8>, defects: &mut Defects) -> Result<DataSet, File
     for (i, record) in file.annotations.into_iter().enumerate() {
         let place = || format!("annotations[{i}]");
         let mut warn = |kind, what| defects.add(kind, || format!("{}: {what}", place()));
-        let image_id = record.table().and_then(|record| pictures.ids.number(&record.image_id).ok());
+        let image_id = record.table().and_then(|record| {
+            let ids = &pictures.ids;
+            ids.number(&record.image_id).ok().or_else(|| ids.meant(&record.image_id))
+        });
         let found = with(record, |record| annotation(record, i, &annotation_ids, &pictures, &mut warn));
         let found = usable(found, place, defects);
         match (found, image_id) {

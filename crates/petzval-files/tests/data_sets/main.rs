@@ -555,6 +555,7 @@ fn a_picture_whose_labels_cannot_be_used_is_left_out() {
         with(first, "\"bbox\": [1.5, 2, 10, 20], \"bbox_mode\": 0"),
         with("\"image_id\": 1, \"category_id\": 1", "\"image_id\": 1, \"category_id\": 9"),
         with("\"image_id\": 1, \"category_id\": 1", "\"image_id\": 1, \"category_id\": \"car\""),
+        with("\"image_id\": 1, \"category_id\": 1", "\"image_id\": \"1\", \"category_id\": 1"),
     ];
     for (data, defects) in cases {
         assert_eq!(names(&data), ["b.png"], "{defects:?}");
