@@ -288,6 +288,14 @@ fn voc_boxes_count_from_one_and_difficult_objects_are_ignored() {
         assert_eq!(ignored, [false, true]);
         assert_eq!(converted.data.annotations[0].attributes["pose"].text(), Some("Left"));
         assert_eq!(converted.defects.errors(), 0);
+        assert_eq!(converted.defects.count(DefectKind::CountedFromZero), 0);
+        // A box that begins at 0 is counted: the set may count from there. One further out reaches out.
+        for (left, count) in [("0", 1), ("0.5", 1), ("-3", 0)] {
+            write(root, labels, &VOC.replace("<xmin>11", &format!("<xmin>{left}")));
+            let from_zero = convert(SourceFormat::Voc, root, None, &Cancel::default()).unwrap();
+            assert_eq!(from_zero.defects.count(DefectKind::CountedFromZero), count, "{left}");
+            assert_eq!(from_zero.defects.count(DefectKind::ClippedBox), 1);
+        }
     }
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();

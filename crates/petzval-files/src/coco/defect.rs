@@ -107,6 +107,8 @@ kinds! {
         "fine unless one of them changes what a box means";
     ClippedBox Warning "A box reaches out of its picture; it is clipped."
         "overhangs of a pixel are rounding; longer ones are boxes of another picture";
+    CountedFromZero Warning "A box begins at 0, and this format counts pixels from 1."
+        "if the data set counts from 0, all its boxes lie a pixel too far left and up: add 1 to xmin, ymin, xmax and ymax";
     RepeatedAnnotationId Warning "Two annotations have one id; the second gets a new one."
         "give every annotation its own id";
     ZeroId Warning "An annotation or a class has the id 0, which is an id like others here."
