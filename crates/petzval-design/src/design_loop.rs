@@ -253,7 +253,12 @@ impl DesignLoop {
                 }
                 // A device that has no room for a network is no damage.
                 Err(error) if !error.is_damage() => return Err(error),
-                Err(error) => damaged.push((folder, error.to_string())),
+                // What to do is said for all checkpoints together.
+                Err(error) => {
+                    let text = error.to_string();
+                    let why = text.split_once("; hint: ").map_or(&*text, |(why, _)| why);
+                    damaged.push((folder, why.to_owned()));
+                }
             }
         }
         if let (None, Some((folder, why))) = (&restored, damaged.first()) {

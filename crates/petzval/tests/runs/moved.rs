@@ -189,7 +189,8 @@ fn a_damaged_checkpoint_gives_way_to_the_one_before() {
         "position.json is not as the run wrote it",
         "--accept-changed",
     ];
-    run_fails(folder.path(), &["design", "--resume", "run"], 2, &needles);
+    let said = run_fails(folder.path(), &["design", "--resume", "run"], 2, &needles);
+    assert!(!said.stderr.contains("hint:"), "one hint in another: {}", said.stderr);
 
     // As the hint says: without the folder the run begins again, to the same bits. A finished one does not begin again.
     let metrics = read(&again.join("metrics.json"));
