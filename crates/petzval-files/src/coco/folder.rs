@@ -152,6 +152,10 @@ fn annotation_files(place: &Path) -> Result<Vec<PathBuf>, CocoError> {
     let found = found_files(place)?;
     let parts: BTreeSet<String> = found.iter().filter_map(|file| part_of(file)).collect();
     match found.len() {
+        0 if ["pictures", "labels"].iter().all(|name| place.join(name).is_dir()) => {
+            let hint = "labels of pixels are checked by an experiment with their classes: `petzval design EXPERIMENT --check`";
+            Err(CocoError::content(place, "no annotations in COCO format in this folder", hint))
+        }
         0 => {
             let hint = "give a folder with `annotations.json`, or convert it with `petzval data convert`";
             Err(CocoError::content(place, "no annotations in COCO format in this folder", hint))

@@ -458,6 +458,11 @@ fn annotations_are_found_where_programs_put_them() {
         assert!(needles.iter().all(|needle| error.contains(needle)), "{error}");
     };
     fails(&["no annotations in COCO format", "petzval data convert"]);
+    // The folder of a segmentation.
+    for name in ["pictures", "labels"] {
+        std::fs::create_dir(folder.path().join(name)).unwrap();
+    }
+    fails(&["no annotations in COCO format", "petzval design EXPERIMENT --check"]);
     for name in ["a.json", "b.json"] {
         std::fs::write(folder.path().join(name), GOOD).unwrap();
     }
