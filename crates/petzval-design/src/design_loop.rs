@@ -237,7 +237,8 @@ impl DesignLoop {
     }
 
     /// The same for a run whose files must agree with their digests. A damaged checkpoint is set aside, with a warning, for the one before
-    /// it. Fails if none is left, and if a finished camera or the events until the checkpoint were changed.
+    /// it. Fails if all are damaged, and if a finished camera or the events until the checkpoint were changed. Without the folder of
+    /// checkpoints a run begins again, with a warning; one that is finished is refused.
     pub fn checked(run: RunFolder, scorer: Scorer, check: &DigestCheck) -> Result<Self, DesignError> {
         forget_most_memory();
         let setup = scorer.setup().clone();
@@ -252,7 +253,12 @@ impl DesignLoop {
                 }
                 // A device that has no room for a network is no damage.
                 Err(error) if !error.is_damage() => return Err(error),
-                Err(error) => damaged.push((folder, error.to_string())),
+                // What to do is said for all checkpoints together.
+                Err(error) => {
+                    let text = error.to_string();
+                    let why = text.split_once("; hint: ").map_or(&*text, |(why, _)| why);
+                    damaged.push((folder, why.to_owned()));
+                }
             }
         }
         if let (None, Some((folder, why))) = (&restored, damaged.first()) {
@@ -262,6 +268,17 @@ impl DesignLoop {
                 folder.file_name().unwrap_or_default().to_string_lossy()
             );
             return Err(DesignError::Run { path: run.root().to_path_buf(), problem });
+        }
+        if restored.is_none() && run.metrics().is_file() {
+            let problem = format!(
+                "the run is finished, and its checkpoints are gone; hint: put the folder checkpoints back from a copy, or begin another run: \
+                 petzval design {} --out FOLDER",
+                run.config().display()
+            );
+            return Err(DesignError::Run { path: run.root().to_path_buf(), problem });
+        }
+        if restored.is_none() && !run.checkpoints().is_dir() {
+            check.warn(&format!("{}: no checkpoint is left, and the run begins again", run.root().display()));
         }
         let Restored { position, blocks, validations, events } = match restored {
             Some(restored) => restored,

@@ -15,7 +15,7 @@ use crate::experiment::{Experiment, is_derived_lens};
 use crate::path_text::path_text;
 use crate::run::first_reads;
 use crate::run::input_list::{BUILT_IN, InputList, Pictures};
-use crate::run::{RunFolder, RunRecord, hex, write_file};
+use crate::run::{ChangedFile, DigestCheck, RunFolder, RunRecord, hex, write_file};
 use crate::setup::Setup;
 use crate::task::{Content, WindowInputs};
 
@@ -40,54 +40,60 @@ impl Inputs {
     /// Those of a setup with so much of the content of its pictures.
     fn with(setup: &Setup, content: Content) -> Result<Self, DesignError> {
         let mut hash = Sha256::new();
-        let mut parts = BTreeMap::new();
-        let mut add = |name: String, bytes: &[u8]| {
-            hash.update(bytes);
-            parts.insert(name, hex(Sha256::new_with_prefix(bytes)));
-        };
-        for variant in &setup.variants {
-            let lens = write_lens(&setup.start(variant).lens_file);
-            add(format!("lens of {}", variant.name), lens.as_bytes());
-        }
-        add("sensor".to_owned(), DesignError::json("the sensor", &setup.body.sensor)?.as_bytes());
-        if let Some(chip) = &setup.body.chip {
-            match chip.settings() {
-                Some(settings) => add("ISP".to_owned(), DesignError::json("the ISP", settings)?.as_bytes()),
-                // Of an ISP outside this program the description is known, with its command and version, and its values.
-                None => {
-                    let mut known = chip.description().to_owned();
-                    for (parameter, value) in chip.parameters().iter().zip(chip.values()) {
-                        let about = &parameter.about;
-                        known += &format!("{} {} {} {value}", parameter.name, about.min, about.max);
-                    }
-                    add("ISP".to_owned(), known.as_bytes());
-                }
-            }
-        }
-        for variant in &setup.variants {
-            let Some(path) = &variant.optics_proxy else { continue };
-            let mut network = Vec::new();
-            for file in proxy_files(Path::new(path)) {
-                network.extend(read(&file)?);
-            }
-            add(format!("network in place of tracing of {}", variant.name), &network);
-        }
-        if let Some(file) = setup.experiment.psf.named_file() {
-            let bank = read_psfs(Path::new(file))?;
-            let mut bytes = DesignError::json("the PSFs", &bank.axes)?.into_bytes();
-            let numbers = bank.values.iter().chain(&bank.illumination);
-            bytes.extend(numbers.flat_map(|number| number.to_le_bytes()));
-            add("PSFs".to_owned(), &bytes);
-        }
-        if let Some(weights) = setup.task.given_weights() {
-            add("given weights".to_owned(), weights);
-        }
+        let mut parts = parts_of(setup, &mut hash)?;
         let WindowInputs { parts: built_in, pictures } =
             setup.windows()?.inputs(&setup.experiment, content, &mut hash)?;
         parts.extend(built_in);
         let list = InputList { parts, held_out: setup.held_out_pictures()?, pictures };
         Ok(Self { fingerprint: hex(hash), list })
     }
+}
+
+/// The inputs of a setup without its pictures: SHA-256 by name. Their content is added to the hash. The setup needs no windows.
+fn parts_of(setup: &Setup, hash: &mut Sha256) -> Result<BTreeMap<String, String>, DesignError> {
+    let mut parts = BTreeMap::new();
+    let mut add = |name: String, bytes: &[u8]| {
+        hash.update(bytes);
+        parts.insert(name, hex(Sha256::new_with_prefix(bytes)));
+    };
+    for variant in &setup.variants {
+        let lens = write_lens(&setup.start(variant).lens_file);
+        add(format!("lens of {}", variant.name), lens.as_bytes());
+    }
+    add("sensor".to_owned(), DesignError::json("the sensor", &setup.body.sensor)?.as_bytes());
+    if let Some(chip) = &setup.body.chip {
+        match chip.settings() {
+            Some(settings) => add("ISP".to_owned(), DesignError::json("the ISP", settings)?.as_bytes()),
+            // Of an ISP outside this program the description is known, with its command and version, and its values.
+            None => {
+                let mut known = chip.description().to_owned();
+                for (parameter, value) in chip.parameters().iter().zip(chip.values()) {
+                    let about = &parameter.about;
+                    known += &format!("{} {} {} {value}", parameter.name, about.min, about.max);
+                }
+                add("ISP".to_owned(), known.as_bytes());
+            }
+        }
+    }
+    for variant in &setup.variants {
+        let Some(path) = &variant.optics_proxy else { continue };
+        let mut network = Vec::new();
+        for file in proxy_files(Path::new(path)) {
+            network.extend(read(&file)?);
+        }
+        add(format!("network in place of tracing of {}", variant.name), &network);
+    }
+    if let Some(file) = setup.experiment.psf.named_file() {
+        let bank = read_psfs(Path::new(file))?;
+        let mut bytes = DesignError::json("the PSFs", &bank.axes)?.into_bytes();
+        let numbers = bank.values.iter().chain(&bank.illumination);
+        bytes.extend(numbers.flat_map(|number| number.to_le_bytes()));
+        add("PSFs".to_owned(), &bytes);
+    }
+    if let Some(weights) = setup.task.given_weights() {
+        add("given weights".to_owned(), weights);
+    }
+    Ok(parts)
 }
 
 /// The way from a folder to a path, both absolute: through the folder that they share, or the path itself where they share none.
@@ -213,18 +219,41 @@ pub fn check_inputs(setup: &Setup, run: &RunFolder) -> Result<Inputs, DesignErro
 
 /// Refuses to score cameras on other pictures with another lens, sensor, ISP or network than the run was made from.
 pub fn check_parts(setup: &Setup, run: &RunFolder) -> Result<(), DesignError> {
-    let Some(then) = InputList::read(run)? else { return Ok(()) };
-    let parts = |mut list: InputList| {
-        list.parts.remove(BUILT_IN);
-        InputList { parts: list.parts, ..InputList::default() }
-    };
-    let changed = parts(then).differences(&parts(Inputs::of(setup)?.list));
+    let changed = changed_parts(setup, run)?;
     if changed.is_empty() {
         return Ok(());
     }
     let problem =
         format!("inputs are not those that this run began with: {}; put them back", changed.join(", "));
     Err(DesignError::Run { path: run.input_list(), problem })
+}
+
+/// [`check_parts`] before cameras take pictures that are not scored: a user may accept other inputs as a change of the folder `inputs`. The
+/// setup needs no windows.
+pub fn check_parts_or_accepted(
+    setup: &Setup,
+    run: &RunFolder,
+    check: &DigestCheck,
+) -> Result<(), DesignError> {
+    let changed = changed_parts(setup, run)?;
+    let change = ChangedFile { name: "inputs".to_owned(), is_missing: false };
+    if changed.is_empty() || check.is_accepted(&change) {
+        return Ok(());
+    }
+    let problem = format!(
+        "inputs are not those that this run began with: {}; hint: put them back, or add `--accept-changed inputs` if you mean the change",
+        changed.join(", ")
+    );
+    Err(DesignError::Run { path: run.root().to_path_buf(), problem })
+}
+
+/// What of lens, sensor, ISP and networks is not as the run was made from, in words. Nothing is known of a folder of an earlier version.
+fn changed_parts(setup: &Setup, run: &RunFolder) -> Result<Vec<String>, DesignError> {
+    let Some(then) = InputList::read(run)? else { return Ok(Vec::new()) };
+    let mut then = InputList { parts: then.parts, ..InputList::default() };
+    then.parts.remove(BUILT_IN);
+    let now = InputList { parts: parts_of(setup, &mut Sha256::new())?, ..InputList::default() };
+    Ok(then.differences(&now))
 }
 
 #[cfg(test)]

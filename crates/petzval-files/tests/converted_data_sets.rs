@@ -145,6 +145,15 @@ fn bdd100k_colours_become_states() {
         assert_eq!(converted.defects.count(DefectKind::MissingPicture), 2);
     }
 
+    // A byte order mark is not JSON, and one of UTF-16 says how to read the file.
+    let plain = convert(SourceFormat::Bdd100k, root, None, &Cancel::default()).unwrap();
+    let utf_16: Vec<u8> =
+        std::iter::once(0xfeff).chain(BDD.encode_utf16()).flat_map(u16::to_le_bytes).collect();
+    for bytes in [[b"\xef\xbb\xbf".as_slice(), BDD.as_bytes()].concat(), utf_16] {
+        std::fs::write(root.join("labels/det_val.json"), bytes).unwrap();
+        assert_eq!(convert(SourceFormat::Bdd100k, root, None, &Cancel::default()).unwrap(), plain);
+    }
+
     // A second file about the same pictures adds its boxes to them.
     let more = r#"[{"name": "a.jpg", "labels": [{"category": "bus", "box2d": {"x1": 1, "y1": 2, "x2": 9, "y2": 8}}, {"category": "lane"}]}]"#;
     write(root, "labels/lane_val.json", more);
@@ -279,6 +288,14 @@ fn voc_boxes_count_from_one_and_difficult_objects_are_ignored() {
         assert_eq!(ignored, [false, true]);
         assert_eq!(converted.data.annotations[0].attributes["pose"].text(), Some("Left"));
         assert_eq!(converted.defects.errors(), 0);
+        assert_eq!(converted.defects.count(DefectKind::CountedFromZero), 0);
+        // A box that begins at 0 is counted: the set may count from there. One further out reaches out.
+        for (left, count) in [("0", 1), ("0.5", 1), ("-3", 0)] {
+            write(root, labels, &VOC.replace("<xmin>11", &format!("<xmin>{left}")));
+            let from_zero = convert(SourceFormat::Voc, root, None, &Cancel::default()).unwrap();
+            assert_eq!(from_zero.defects.count(DefectKind::CountedFromZero), count, "{left}");
+            assert_eq!(from_zero.defects.count(DefectKind::ClippedBox), 1);
+        }
     }
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();

@@ -83,6 +83,10 @@ fn a_window_has_the_classes_of_the_pixels_that_it_shows() {
     let (pictures, notes) = load(folder.path(), Purpose::ValidatedTraining).unwrap();
     let counts = [List::Training, List::Validation, List::HeldOut].map(|list| pictures.count(list));
     assert_eq!((counts, &notes[..]), ([5, 1, 1], &[][..]));
+    // Pictures in folders are not read, and a note says so.
+    std::fs::create_dir(folder.path().join("pictures/aachen")).unwrap();
+    let (_, notes) = load(folder.path(), Purpose::ValidatedTraining).unwrap();
+    assert!(notes.len() == 1 && notes[0].contains("a folder is inside `pictures` and not read"), "{notes:?}");
     let how = PictureWindows { seed: 1, on_objects: 0.5, least_side_px: 1.0 };
     let crops = CropPlan { crop: 16, margin: 3, surround: 2, sensor_rows: 50, sensor_columns: 70 };
     let mut seen = [0_usize; 2];

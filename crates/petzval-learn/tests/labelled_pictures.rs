@@ -120,6 +120,21 @@ fn folders_that_cannot_train_or_score_a_detector_are_refused() {
     let large = load(other.path(), 110).unwrap_err();
     assert!(large.contains("no picture is left"), "{large}");
     let text = std::fs::read_to_string(other.path().join("annotations.json")).unwrap();
+    // Boxes of another form are refused, not trained on.
+    let boxes = "\"bbox\": [";
+    let (head, rest) = text.split_once(boxes).unwrap();
+    let shares = rest.split(boxes).map(|rest| {
+        let (_, after) = rest.split_once(']').unwrap();
+        format!("{boxes}0.1, 0.2, 0.3, 0.4]{after}")
+    });
+    let shares: String = std::iter::once(head.to_owned()).chain(shares).collect();
+    std::fs::write(other.path().join("annotations.json"), shares).unwrap();
+    let error = load(other.path(), CROP).unwrap_err();
+    assert!(
+        error.contains("shares of the picture") && error.contains("hint: COCO boxes are in pixels"),
+        "{error}"
+    );
+    std::fs::write(other.path().join("annotations.json"), &text).unwrap();
     // What is too small to count is as good as not there.
     let small = LabelledPictures::load(
         other.path(),

@@ -4,11 +4,23 @@ use petzval_base::{FileError, nearest};
 
 use super::{Experiment, TaskFacts, variants};
 
+/// An experiment with more classes has no score for each of them by default: tables would be too wide.
+const MOST_CLASSES: usize = 8;
+
 impl Experiment {
-    /// The experiment with the scores of its task if its text names none.
+    /// The experiment with the scores of its task if its text names none, and with one for each of its own classes if they are few.
     pub(crate) fn with_default_scores(mut self, text: &str, facts: &TaskFacts) -> Self {
-        if let Some(scores) = facts.default_scores.filter(|_| !names_scores(text)) {
+        let table: toml::Table = text.parse().unwrap_or_default();
+        let names_scores = table.get("scoring").is_some_and(|scoring| scoring.get("scores").is_some());
+        if let Some(scores) = facts.default_scores.filter(|_| !names_scores) {
             self.scoring.scores = scores.iter().map(|score| (*score).to_owned()).collect();
+            let classes = self.classes().counted();
+            let few =
+                facts.class_score.filter(|_| table.contains_key("class") && classes.len() <= MOST_CLASSES);
+            if let Some(score) = few {
+                let of_classes = classes.names().into_iter().map(|class| format!("{score}_{class}"));
+                self.scoring.scores.extend(of_classes);
+            }
         }
         self
     }
@@ -30,10 +42,4 @@ impl Experiment {
         let hint = format!("{}scores {of} are {}", near.unwrap_or_default(), known.join(", "));
         Err(FileError { key: "scores".to_owned(), ..error }.hint(hint))
     }
-}
-
-/// Whether the text of an experiment names scores.
-fn names_scores(text: &str) -> bool {
-    let table: Option<toml::Table> = text.parse().ok();
-    table.is_some_and(|all| all.get("scoring").is_some_and(|scoring| scoring.get("scores").is_some()))
 }

@@ -17,6 +17,8 @@ pub struct TaskFacts {
     pub has_classes: bool,
     /// What an experiment scores that names no scores; none for the default of its table.
     pub default_scores: Option<&'static [&'static str]>,
+    /// The score that an experiment with a few classes of its own has for each of them besides: `ap50`, for `ap50_car`.
+    pub class_score: Option<&'static str>,
     /// Of what its scores are: `pictures`, `objects`.
     pub scored: &'static str,
 }

@@ -48,11 +48,15 @@ pub fn latest_checkpoint(run: &RunFolder) -> Result<Option<(u64, PathBuf)>, Desi
     Ok(all_checkpoints(run)?.pop())
 }
 
-/// All checkpoints with their steps, the latest last.
+/// All checkpoints with their steps, the latest last; none if their folder was taken away.
 pub fn all_checkpoints(run: &RunFolder) -> Result<Vec<(u64, PathBuf)>, DesignError> {
     let root = &run.checkpoints();
     let mut found = Vec::new();
-    for entry in fs::read_dir(root).map_err(DesignError::io(root))? {
+    let entries = match fs::read_dir(root) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(found),
+        entries => entries.map_err(DesignError::io(root))?,
+    };
+    for entry in entries {
         let path = entry.map_err(DesignError::io(root))?.path();
         let name = path.file_name().and_then(|n| n.to_str()).unwrap_or("");
         if let Some(step) = name.strip_prefix(PREFIX).and_then(|s| s.parse().ok()) {

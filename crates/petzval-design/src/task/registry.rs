@@ -159,6 +159,13 @@ mod tests {
         assert_eq!(tasks.of(&preset).unwrap().facts().network, NetworkRole::Reads);
         let own = "task = \"objects\"\ndata = \"faces\"\n[[class]]\nname = \"face\"\n";
         assert_eq!(tasks.parse(own).unwrap().classes().names(), ["face"]);
+        // A few classes of one's own have a score each, unless the file names others.
+        assert_eq!(tasks.parse(own).unwrap().scoring.scores, ["ap50", "ap", "ap75", "ap50_face"]);
+        let named = tasks.parse(&format!("{own}[scoring]\nscores = [\"ap\"]\n")).unwrap();
+        assert_eq!(named.scoring.scores, ["ap"]);
+        let many: String = (0..9).map(|i| format!("[[class]]\nname = \"face-{i}\"\n")).collect();
+        let many = tasks.parse(&format!("task = \"objects\"\ndata = \"faces\"\n{many}")).unwrap();
+        assert_eq!(many.scoring.scores, ["ap50", "ap", "ap75"]);
         let own = own.replace("objects", "traffic-light");
         assert_eq!(tasks.parse(&own).unwrap().classes().names(), ["face"]);
         // Written and read back it is the same.
@@ -174,6 +181,8 @@ mod tests {
         assert!(refused("[[class]]\nname = \"face\"\n").contains("`image-quality` has no classes"));
         let class = |more: &str| refused(&format!("task = \"objects\"\n[[class]]\n{more}"));
         assert!(class("name = \"a\"\n[[class]]\nname = \"a\"\n").contains("`a` is named twice"));
+        let group = class("name = \"car\"\n[[class]]\nname = \"edge\"\n");
+        assert!(group.contains("line 5") && group.contains("`ap50_edge` is the score of a group"), "{group}");
         assert!(class("name = \"a b\"\n").contains("no name of a class"));
         assert!(class("name = \"red\"\nstate = \"blue\"\n").contains("red, yellow, green or off"));
         assert!(class("name = \"a\"\nfrm = [\"b\"]\n").contains("frm"));

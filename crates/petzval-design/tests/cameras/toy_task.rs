@@ -71,6 +71,7 @@ impl Task for Brightness {
             pictures: PicturesKey::Photos,
             has_classes: false,
             default_scores: Some(&["error"]),
+            class_score: None,
             scored: "readings",
         }
     }

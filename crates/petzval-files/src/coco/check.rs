@@ -13,6 +13,9 @@ pub const MANY_BOXES: usize = 1000;
 /// Fewer boxes than this do not show in which form they are.
 const LEAST_BOXES: usize = 3;
 
+/// If so large a share of the boxes reach out of their pictures, and none would as two corners, they are corners.
+const LEAST_OUT: f64 = 0.25;
+
 /// Overhangs of so many pixels are rounding.
 const ROUNDING_PX: f64 = 2.0;
 
@@ -130,7 +133,8 @@ fn check_form(data: &DataSet, defects: &mut Defects) {
         annotation.bounds.overhang(f64::from(image.width), f64::from(image.height)) > ROUNDING_PX
     };
     let out: Vec<_> = placed.iter().filter(reaches_out).collect();
-    if 2 * out.len() > placed.len() && placed.iter().all(could_be_corners) {
+    let share = out.len() as f64 / placed.len() as f64;
+    if share > LEAST_OUT && placed.iter().all(could_be_corners) {
         out.into_iter().for_each(|place| defects.add(DefectKind::CornerBoxes, || said(*place)));
     }
 }

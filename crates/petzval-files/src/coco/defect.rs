@@ -63,7 +63,7 @@ kinds! {
         "take it out of the file";
     OutsidePicture Error "A box lies outside its picture; it is left out."
         "check that boxes are in pixels of this picture, not of one of another size";
-    CornerBoxes Error "Most boxes reach out of their pictures as they stand, and none would as two corners."
+    CornerBoxes Error "Many boxes reach out of their pictures as they stand, and none would as two corners."
         "COCO boxes are [x, y, width, height]: subtract the first number from the third and the second from the fourth";
     ShareBoxes Error "No number of any box is larger than 1: these are shares of the picture."
         "COCO boxes are in pixels: multiply by width and height of the picture; YOLO label files have shares, see `data convert yolo`";
@@ -107,6 +107,8 @@ kinds! {
         "fine unless one of them changes what a box means";
     ClippedBox Warning "A box reaches out of its picture; it is clipped."
         "overhangs of a pixel are rounding; longer ones are boxes of another picture";
+    CountedFromZero Warning "A box begins at 0, and this format counts pixels from 1."
+        "if the data set counts from 0, all its boxes lie a pixel too far left and up: add 1 to xmin, ymin, xmax and ymax";
     RepeatedAnnotationId Warning "Two annotations have one id; the second gets a new one."
         "give every annotation its own id";
     ZeroId Warning "An annotation or a class has the id 0, which is an id like others here."

@@ -42,6 +42,15 @@ impl Loaded {
     pub fn picture(&self, file_name: &str) -> Option<PathBuf> {
         picture_in(&self.folders, file_name)
     }
+
+    /// Refuses boxes that are all of another form than COCO's: what is learned from them or scored by them would be wrong.
+    pub fn check_form(&self) -> Result<(), CocoError> {
+        let is_form = |kind| matches!(kind, DefectKind::CornerBoxes | DefectKind::ShareBoxes);
+        let Some(defect) = self.defects.iter().find(|defect| is_form(defect.kind)) else { return Ok(()) };
+        let sentence = defect.kind.sentence().trim_end_matches('.');
+        let first = defect.first.first().map(|first| format!(" (the first: {first})")).unwrap_or_default();
+        Err(CocoError::content(&self.file, format!("{sentence}{first}"), defect.kind.hint()))
+    }
 }
 
 /// Reads a data set and checks its values; [`check_pictures`](super::check_pictures) then checks the files of its pictures.
@@ -143,6 +152,10 @@ fn annotation_files(place: &Path) -> Result<Vec<PathBuf>, CocoError> {
     let found = found_files(place)?;
     let parts: BTreeSet<String> = found.iter().filter_map(|file| part_of(file)).collect();
     match found.len() {
+        0 if ["pictures", "labels"].iter().all(|name| place.join(name).is_dir()) => {
+            let hint = "labels of pixels are checked by an experiment with their classes: `petzval design EXPERIMENT --check`";
+            Err(CocoError::content(place, "no annotations in COCO format in this folder", hint))
+        }
         0 => {
             let hint = "give a folder with `annotations.json`, or convert it with `petzval data convert`";
             Err(CocoError::content(place, "no annotations in COCO format in this folder", hint))

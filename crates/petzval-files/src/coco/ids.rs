@@ -39,6 +39,16 @@ impl Ids {
         }
     }
 
+    /// The number that an id of the wrong type stands for, if any, such as `"7"` beside ids that are numbers. Its record is not used, but whose
+    /// record is lost is known.
+    pub fn meant(&self, id: &Loose) -> Option<u64> {
+        match (self, id) {
+            (Self::Numbers, Loose::Text(text)) => text.trim().parse().ok(),
+            (Self::Texts(numbers), id) => numbers.get(&id.whole().ok()?.to_string()).copied(),
+            _ => None,
+        }
+    }
+
     /// The id as the file has it, where ids are texts.
     pub fn text(&self, id: &Loose) -> Option<String> {
         match (self, id) {
@@ -68,11 +78,15 @@ mod tests {
         let unlisted = Err(Wrong::Unlisted("\"c\"".to_owned()));
         assert_eq!(numbers, [Ok(3), Ok(1), wrong("\"\""), unlisted, wrong("1")]);
         assert_eq!(ids.text(&Loose::Text("b".into())).as_deref(), Some("b"));
+        let named = Ids::of(&read(r#"["7", "08"]"#));
+        assert_eq!([7, 8].map(|id| named.meant(&Loose::Whole(id))), [Some(1), None]);
         for mixed in [r#"["a", 7]"#, r#"["7", 7.0]"#, "[7]", "[]"] {
             let ids = Ids::of(&read(mixed));
             assert_eq!(ids.number(&Loose::Whole(7)), Ok(7));
             assert_eq!(ids.number(&Loose::Text("7".into())), wrong("\"7\""), "{mixed}");
             assert_eq!(ids.text(&Loose::Text("7".into())), None);
+            let meant = [ids.meant(&Loose::Text("7".into())), ids.meant(&Loose::Text("a".into()))];
+            assert_eq!(meant, [Some(7), None]);
         }
     }
 }

@@ -175,14 +175,8 @@ impl<'de> Deserialize<'de> for Attributes {
 /// Reads annotations in COCO format. Records that lack a value or hold one of a wrong type are defects and left out; ids and boxes are
 /// as written, see [`check_values`](super::check_values). Ids of pictures or annotations that are all texts become numbers. Text that is not
 /// JSON, or not of this format, is an error.
-pub fn parse_coco(mut bytes: Vec<u8>, defects: &mut Defects) -> Result<DataSet, FileError> {
-    // A byte order mark is not JSON; one of UTF-16 says how to read the rest.
-    if bytes.starts_with(b"\xef\xbb\xbf") {
-        bytes[..3].fill(b' ');
-    } else if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
-        bytes = decode(&bytes).into_owned().into_bytes();
-    }
-    mark_numbers(&mut bytes);
+pub fn parse_coco(bytes: Vec<u8>, defects: &mut Defects) -> Result<DataSet, FileError> {
+    let bytes = plain_json(bytes);
     let file: FileRecord = match serde_json::from_slice(&bytes).map_err(|e| json_error(&bytes, &e))? {
         Record::Table(file) => file,
         Record::Other(other) => {
@@ -217,7 +211,10 @@ pub fn parse_coco(mut bytes: Vec<u8>, defects: &mut Defects) -> Result<DataSet, 
     for (i, record) in file.annotations.into_iter().enumerate() {
         let place = || format!("annotations[{i}]");
         let mut warn = |kind, what| defects.add(kind, || format!("{}: {what}", place()));
-        let image_id = record.table().and_then(|record| pictures.ids.number(&record.image_id).ok());
+        let image_id = record.table().and_then(|record| {
+            let ids = &pictures.ids;
+            ids.number(&record.image_id).ok().or_else(|| ids.meant(&record.image_id))
+        });
         let found = with(record, |record| annotation(record, i, &annotation_ids, &pictures, &mut warn));
         let found = usable(found, place, defects);
         match (found, image_id) {
@@ -391,6 +388,18 @@ fn annotation(
         attributes,
         unclipped: None,
     })
+}
+
+/// The bytes of a file without what is not JSON: a byte order mark, of which one of UTF-16 says how to read the rest, and [numbers that JSON
+/// does not have](mark_numbers).
+pub(super) fn plain_json(mut bytes: Vec<u8>) -> Vec<u8> {
+    if bytes.starts_with(b"\xef\xbb\xbf") {
+        bytes[..3].fill(b' ');
+    } else if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
+        bytes = decode(&bytes).into_owned().into_bytes();
+    }
+    mark_numbers(&mut bytes);
+    bytes
 }
 
 /// An error of the JSON reader with its place, and the line there.

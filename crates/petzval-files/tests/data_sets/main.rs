@@ -63,6 +63,9 @@ fn boxes_in_another_form_are_known_by_all_of_them() {
     ];
     let found = with_boxes(&corners);
     assert_eq!((found.count(DefectKind::CornerBoxes), found.errors()), (3, 3));
+    // Objects in the upper left do not show it, and one of three that reaches out does.
+    let few = [[4.0, 3.0, 12.0, 14.0], [5.0, 2.0, 15.0, 10.0], [22.0, 16.0, 40.0, 30.0]];
+    assert_eq!(with_boxes(&few).count(DefectKind::CornerBoxes), 1);
     let shares = with_boxes(&[[0.5, 0.5, 0.2, 0.1], [0.1, 0.2, 0.3, 1.0], [0.0, 0.1, 0.4, 0.2]]);
     assert_eq!(shares.count(DefectKind::ShareBoxes), 3);
     // The same boxes as they should be; and objects at the edge, of which most reach out.
@@ -455,6 +458,11 @@ fn annotations_are_found_where_programs_put_them() {
         assert!(needles.iter().all(|needle| error.contains(needle)), "{error}");
     };
     fails(&["no annotations in COCO format", "petzval data convert"]);
+    // The folder of a segmentation.
+    for name in ["pictures", "labels"] {
+        std::fs::create_dir(folder.path().join(name)).unwrap();
+    }
+    fails(&["no annotations in COCO format", "petzval design EXPERIMENT --check"]);
     for name in ["a.json", "b.json"] {
         std::fs::write(folder.path().join(name), GOOD).unwrap();
     }
@@ -552,6 +560,7 @@ fn a_picture_whose_labels_cannot_be_used_is_left_out() {
         with(first, "\"bbox\": [1.5, 2, 10, 20], \"bbox_mode\": 0"),
         with("\"image_id\": 1, \"category_id\": 1", "\"image_id\": 1, \"category_id\": 9"),
         with("\"image_id\": 1, \"category_id\": 1", "\"image_id\": 1, \"category_id\": \"car\""),
+        with("\"image_id\": 1, \"category_id\": 1", "\"image_id\": \"1\", \"category_id\": 1"),
     ];
     for (data, defects) in cases {
         assert_eq!(names(&data), ["b.png"], "{defects:?}");

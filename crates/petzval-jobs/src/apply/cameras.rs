@@ -6,6 +6,7 @@ use petzval_camera::image::LinearImage;
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Capture, Noise, NoiseMode, SensorModel};
 use petzval_design::camera::{Camera, Labels, Shot};
+use petzval_design::inputs::check_parts_or_accepted;
 use petzval_design::run::{DigestCheck, RunFolder};
 use petzval_design::setup::Setup;
 use petzval_design::task::Drawn;
@@ -153,7 +154,7 @@ impl Cameras {
 }
 
 impl Chosen {
-    /// Chooses finished cameras of a run, all of them if none are named, and checks that their files are those of the run.
+    /// Chooses finished cameras of a run, all of them if none are named, and checks that their files and the inputs are those of the run.
     pub(super) fn new(
         run: &Path,
         names: &[String],
@@ -170,6 +171,7 @@ impl Chosen {
         let check = DigestCheck::new(&folder, accept_changed, &warn);
         check.check_cameras(names.iter().map(String::as_str))?;
         let setup = Setup::without_windows(experiment, &context.assets, context.device(device)?)?;
+        check_parts_or_accepted(&setup, &folder, &check)?;
         Ok(Self { names, setup, folder })
     }
 

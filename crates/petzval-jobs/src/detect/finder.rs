@@ -7,6 +7,7 @@ use petzval_design::camera::Camera;
 use petzval_design::design_loop::set_sight;
 use petzval_design::error::DesignError;
 use petzval_design::experiment::STREET;
+use petzval_design::inputs::check_parts_or_accepted;
 use petzval_design::report::run_report::camera_lens;
 use petzval_design::run::{DigestCheck, Kept, RunFolder, load_blocks};
 use petzval_design::setup::Setup;
@@ -174,7 +175,8 @@ pub fn finder(
                 return Err(JobError::setting("camera", name, message, hint));
             }
             let warn = |text: &str| context.warning(WarningKind::ChangedFile, text);
-            DigestCheck::new(&folder, accepted, &warn).check_cameras([name])?;
+            let check = DigestCheck::new(&folder, accepted, &warn);
+            check.check_cameras([name])?;
             let taken = experiment.classes();
             let trained_on = Some(&experiment.data).filter(|data| *data != STREET).map(PathBuf::from);
             let mut block = untrained(&experiment, device)?;
@@ -189,6 +191,7 @@ pub fn finder(
                 Some(_) => {
                     let name = name.to_owned();
                     let setup = Setup::without_windows(experiment, &context.assets, device.clone())?;
+                    check_parts_or_accepted(&setup, &folder, &check)?;
                     let camera = camera_of(&setup, &folder, &name)?;
                     camera.check_sees_frames()?;
                     Some(camera)

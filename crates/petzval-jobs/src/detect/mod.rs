@@ -267,6 +267,7 @@ fn whole_path(file: &Path) -> Result<String, JobError> {
 /// annotations.
 fn labelled(place: &Path, out: Option<&Path>, context: &Context) -> Result<(Vec<Looked>, DataSet), JobError> {
     let mut loaded = load_coco(place, context.cancel())?;
+    loaded.check_form()?;
     let whole = |path: &Path| path.canonicalize().ok();
     // Annotations written beside those of several parts would be read in place of them.
     let is_of_data = |path: &Path| whole(path).is_some_and(|p| Some(p) == whole(&loaded.file));

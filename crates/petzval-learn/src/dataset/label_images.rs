@@ -65,6 +65,14 @@ impl LabelledPictures {
                 if labels.len() > 1 { format!(" and {} others", labels.len() - 1) } else { String::new() };
             notes.push(format!("{}{others}: labels without a picture, which are not used", alone.display()));
         }
+        let inner = folders_in(&folder.join(FOLDERS[0]))?;
+        if inner > 0 {
+            notes.push(format!(
+                "{}: {} inside `pictures` and not read; pictures lie in `pictures` itself, and their labels in `labels`",
+                folder.display(),
+                if inner == 1 { "a folder is".to_owned() } else { format!("{inner} folders are") }
+            ));
+        }
         let mut found = Self::default();
         let (mut small, mut pixels) = (0, [[0; IGNORED as usize]; 2]);
         let mut turned: Vec<String> = Vec::new();
@@ -179,6 +187,18 @@ fn checked(
         labels: Some(labels),
     };
     Ok(Checked { picture, is_turned, pixels: pixels_of_classes(&classes) })
+}
+
+/// The folders in this one, without hidden ones. Pictures in them are not read.
+fn folders_in(folder: &Path) -> Result<usize, DatasetError> {
+    let cannot_read = |source| DatasetError::Io { path: folder.to_owned(), source };
+    let mut count = 0;
+    for entry in std::fs::read_dir(folder).map_err(cannot_read)? {
+        let entry = entry.map_err(cannot_read)?;
+        let is_hidden = entry.file_name().as_encoded_bytes().starts_with(b".");
+        count += usize::from(!is_hidden && entry.path().is_dir());
+    }
+    Ok(count)
 }
 
 /// The pictures of a folder by their name without its ending. Fails where two have the same.

@@ -76,8 +76,8 @@ pub enum Purpose {
 }
 
 impl LabelledPictures {
-    /// Reads the annotations of a folder and checks its pictures. Returned with sentences on what of it cannot be used. Fails where nothing is
-    /// left to train on or to score with: no picture that holds a window of `crop` pixels, or no object of a class that is wanted whose longer side has
+    /// Reads the annotations of a folder and checks its pictures. Returned with sentences on what of it cannot be used. Fails on boxes as corners
+    /// or shares of the picture, and where nothing is left to train on or to score with: no picture that holds a window of `crop` pixels, or no object of a class that is wanted whose longer side has
     /// `least_side_px` pixels.
     ///
     /// The parts of the data set (`split`) decide what is held out: everything outside the part `train`, or outside the largest one if none is
@@ -99,6 +99,7 @@ impl LabelledPictures {
         let validated = purpose == Purpose::ValidatedTraining;
         let trains = purpose != Purpose::Scores;
         let mut loaded = load_coco(folder, cancel)?;
+        loaded.check_form()?;
         let how = PictureCheck { most_light_bytes: READ_AT_ONCE, remembered: &CheckedPictures::default() };
         let are_decoded = check_pictures_by(&mut loaded, &how, &|_| cancel.check())?;
         let mut notes: Vec<String> = loaded.defects.lines(folder).collect();

@@ -58,11 +58,23 @@ pub(super) fn answer(report: &Report, view: &DetectionView) -> Option<Answer> {
     ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
     let (best, value) = *ranked.first()?;
     let found = Found::figure(value, ap50(best)?.1);
-    // One camera alone is compared with nothing.
-    let finds = if ranked.len() > 1 { " finds most" } else { "" };
     // A difference after few steps says little, however narrow its range over windows is.
     let steps = report.table.iter().find(|row| row.camera == best.camera).map_or(0, |row| row.steps);
     let steps = petzval_base::counted(steps, "network step");
+    // Where nothing is found, no camera finds most, and the windows show no range.
+    if value <= 0.0 {
+        let which = match ranked.len() {
+            1 => "The camera finds no object",
+            // Those without aberrations may find some.
+            several if several < view.cameras.len() => "No camera with a real lens finds an object",
+            _ => "No camera finds an object",
+        };
+        let label = format!("AP50 of {}", best.camera);
+        let numbers = vec![Tile { value: found.value, label, is_gain: None }];
+        return Some(Answer { sentence: format!("{which} after {steps}: AP50 is 0."), numbers });
+    }
+    // One camera alone is compared with nothing.
+    let finds = if ranked.len() > 1 { " finds most" } else { "" };
     let mut sentence =
         format!("{}{finds} after {steps}: AP50 {}{}", capitalised(&best.camera), found.value, found.range());
     let label = format!("AP50 of {}{}", best.camera, found.range());
@@ -138,6 +150,18 @@ mod tests {
             answer.sentence,
             "Nominal finds most after 60 network steps: AP50 0.81 (95 % range 0.75 to 0.87)."
         );
+    }
+
+    #[test]
+    fn where_nothing_is_found_no_camera_finds_most() {
+        let mut nothing = report([0.0; 3]);
+        let view = |report: &Report| report.detection.clone().unwrap();
+        let of_three = answer(&nothing, &view(&nothing)).unwrap();
+        assert_eq!(of_three.sentence, "No camera finds an object after 60 network steps: AP50 is 0.");
+        assert_eq!(of_three.numbers.len(), 1);
+        nothing.detection.as_mut().unwrap().cameras.truncate(1);
+        let of_one = answer(&nothing, &view(&nothing)).unwrap();
+        assert_eq!(of_one.sentence, "The camera finds no object after 60 network steps: AP50 is 0.");
     }
 
     #[test]

@@ -119,6 +119,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
 
 /// Prints the 95 % range of every score.
 fn print_ranges(metrics: &Metrics) {
+    let [none, _] = without_range(metrics);
     outln!("\n{:<16} {:<16} {:>24}", "95 % range of", "score", "low to high");
     for row in &metrics.rows {
         for score in metrics.scores.iter().filter(|score| row.scores.contains_key(&score.name)) {
@@ -126,7 +127,7 @@ fn print_ranges(metrics: &Metrics) {
                 "{:<16} {:<16} {:>24}",
                 row.camera,
                 score.heading(),
-                range(score, row.intervals.get(&score.name))
+                range(score, row.intervals.get(&score.name), none)
             );
         }
     }
@@ -134,10 +135,11 @@ fn print_ranges(metrics: &Metrics) {
 
 /// Prints differences between cameras on the same pictures.
 fn print_differences(metrics: &Metrics, differences: &[Difference]) {
+    let [_, none] = without_range(metrics);
     for Difference { camera, against, scores, ranges } in differences {
         for score in &metrics.scores {
             let Some(value) = scores.get(&score.name) else { continue };
-            let range = range(score, ranges.get(&score.name));
+            let range = range(score, ranges.get(&score.name), none);
             outln!(
                 "{camera} less {against}, {}: {value:+.*}, 95 % range {range}",
                 score.heading(),
@@ -147,10 +149,19 @@ fn print_differences(metrics: &Metrics, differences: &[Difference]) {
     }
 }
 
-/// A range in the digits of its score.
-fn range(score: &ScoreDescription, range: Option<&[f64; 2]>) -> String {
+/// Why a figure and a difference have no range. Differences of scores of all windows together are not drawn.
+fn without_range(metrics: &Metrics) -> [&'static str; 2] {
+    if metrics.is_of_objects() {
+        ["none: one picture or film", "not known: the score is of all windows together"]
+    } else {
+        ["none: one photograph"; 2]
+    }
+}
+
+/// A range in the digits of its score, or why there is `none`.
+fn range(score: &ScoreDescription, range: Option<&[f64; 2]>, none: &str) -> String {
     let d = score.decimals;
-    range.map_or_else(|| "none: one photograph".to_owned(), |[low, high]| format!("{low:.d$} to {high:.d$}"))
+    range.map_or_else(|| none.to_owned(), |[low, high]| format!("{low:.d$} to {high:.d$}"))
 }
 
 /// A grade by its name, or a file.
@@ -202,4 +213,34 @@ fn print_made(made: &MadeMetrics) {
         counted(made.trials, "camera"),
         counted(made.pictures, "held-out picture")
     );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_missing_range_says_why() {
+        let score = ScoreDescription {
+            name: "miou".to_owned(),
+            title: "mIoU".to_owned(),
+            unit: String::new(),
+            definition: String::new(),
+            decimals: 2,
+            higher_is_better: true,
+        };
+        // No picture has a score of its own, as those of objects and of pixels.
+        let metrics = Metrics {
+            rows: Vec::new(),
+            seeds: vec![1],
+            held_out_images: 9,
+            held_out_places: 1,
+            scores: vec![score.clone()],
+            version: String::new(),
+        };
+        let [figure, difference] = without_range(&metrics);
+        assert_eq!(range(&score, Some(&[0.101, 0.256]), figure), "0.10 to 0.26");
+        assert_eq!(range(&score, None, figure), "none: one picture or film");
+        assert_eq!(range(&score, None, difference), "not known: the score is of all windows together");
+    }
 }

@@ -8,7 +8,7 @@ use crate::jobs::report;
 use super::failure::Failure;
 use super::plain::shown;
 use super::studio::{self, Serve};
-use super::terminal::Terminal;
+use super::terminal::{Terminal, print_json};
 
 /// Write report.html of a finished run again, from the contents of its folder.
 ///
@@ -27,6 +27,9 @@ pub struct Args {
     /// Believe this file or folder of the run though it does not agree with its digest; may be repeated
     #[arg(long, value_name = "NAME", conflicts_with = "watch")]
     accept_changed: Vec<String>,
+    /// Print the path of the page as JSON
+    #[arg(long, conflicts_with = "watch")]
+    json: bool,
     /// Open the studio on the run, until Ctrl-C; the run itself goes on
     #[arg(long, conflicts_with = "photo")]
     watch: bool,
@@ -54,6 +57,9 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     }
     let request = report::Request { run: args.run, photo: args.photo, accept_changed: args.accept_changed };
     let response = report::run(&request, &context)?;
+    if args.json {
+        return print_json(&response);
+    }
     outln!("{}", shown(&response.report));
     Ok(Code::SUCCESS)
 }

@@ -241,6 +241,18 @@ fn a_run_that_looks_for_objects_is_scored_again_reported_and_lends_its_detector(
     let without_boxes = r#"{"images": [{"id": 1, "file_name": "in/01.png", "width": 140, "height": 120}], "annotations": [], "categories": []}"#;
     std::fs::write(root.join("none.json"), without_boxes).unwrap();
     fails(&["detect", "--data", "none.json", "--run", "run"], "no box of red, yellow, green, off");
+    // Corners in place of sizes are no truth: 20 + 20, 20 + 40 and 80 + 20, 30 + 40.
+    let corners = read(&root.join("in/annotations.json"))
+        .replace("[20, 20, 20, 40]", "[20, 20, 40, 60]")
+        .replace("[80, 30, 20, 40]", "[80, 30, 100, 70]")
+        .replace("\"file_name\": \"", "\"file_name\": \"in/");
+    std::fs::write(root.join("corners.json"), corners).unwrap();
+    let says = "none would as two corners (the first: annotation 4 of in/01.png: [80, 30, 100, 70])";
+    fails(&["detect", "--data", "corners.json", "--run", "run"], says);
+    fails(
+        &["design", "tiny.toml", "--data", "corners.json", "--out", "corners"],
+        "subtract the first number",
+    );
     // Nothing overwrites the data set that is read.
     let args = ["detect", "--data", "in", "--run", "run", "--out", "in", "--force"];
     fails(&args, "the data set is in this folder");

@@ -229,7 +229,8 @@ fn a_folder_of_pictures_and_files_of_ones_own_run_again_from_anywhere() {
 
     run_ok(folder.path(), &["design", "inside/run/config.toml", "--out", "again"]);
     assert_eq!(read(&folder.path().join("again/metrics.json")), metrics);
-    run_ok(folder.path(), &["report", "inside/run"]);
+    let said = run_ok(folder.path(), &["report", "inside/run", "--json"]).json();
+    assert_eq!(said, serde_json::json!({"report": "inside/run/report.html"}));
     // The same pictures named on the command line.
     run_ok(&inside, &["design", "mine.toml", "--photos", "my-photos", "--out", "named"]);
     assert_eq!(read(&inside.join("named/metrics.json")), metrics);

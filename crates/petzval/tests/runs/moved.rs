@@ -153,8 +153,9 @@ fn finished_cameras_are_scored_on_other_pictures_with_ranges() {
 fn a_damaged_checkpoint_gives_way_to_the_one_before() {
     let folder = tempfile::tempdir().unwrap();
     let run = finished_run(folder.path());
-    let whole = folder.path().join("whole");
+    let [whole, again] = ["whole", "again"].map(|name| folder.path().join(name));
     copy_folder(&run, &whole);
+    copy_folder(&run, &again);
     run_ok(folder.path(), &["design", "--resume", "whole", "--extend-to", "5"]);
     let metrics = read(&whole.join("metrics.json"));
 
@@ -188,7 +189,22 @@ fn a_damaged_checkpoint_gives_way_to_the_one_before() {
         "position.json is not as the run wrote it",
         "--accept-changed",
     ];
-    run_fails(folder.path(), &["design", "--resume", "run"], 2, &needles);
+    let said = run_fails(folder.path(), &["design", "--resume", "run"], 2, &needles);
+    assert!(!said.stderr.contains("hint:"), "one hint in another: {}", said.stderr);
+
+    // As the hint says: without the folder the run begins again, to the same bits. A finished one does not begin again.
+    let metrics = read(&again.join("metrics.json"));
+    std::fs::remove_file(again.join("metrics.json")).unwrap();
+    std::fs::remove_dir_all(again.join("checkpoints")).unwrap();
+    let said = run_ok(folder.path(), &["design", "--resume", "again"]);
+    assert!(said.says("no checkpoint is left, and the run begins again"), "{}", said.stderr);
+    assert_eq!(read(&again.join("metrics.json")), metrics);
+    std::fs::remove_dir_all(again.join("checkpoints")).unwrap();
+    let needles =
+        ["the run is finished, and its checkpoints are gone", "design again/config.toml --out FOLDER"];
+    for args in [&["design", "--resume", "again"][..], &["design", "--resume", "again", "--extend-to", "5"]] {
+        run_fails(folder.path(), args, 2, &needles);
+    }
 }
 
 #[test]
@@ -245,6 +261,23 @@ fn what_was_changed_in_a_finished_run_is_named_and_not_believed() {
         run_fails(folder.path(), args, 2, &["cameras/nominal/blocks/network/weights.bin"]);
     }
     run_ok(folder.path(), &["apply", "copy", &photo, "--camera", "end-to-end"]);
+
+    // Another sensor makes other pictures.
+    changed("inputs/sensor.toml", &|path| {
+        let noisy = |line: &str| {
+            let kept = if line.starts_with("read_noise_e = ") { "read_noise_e = 40.0" } else { line };
+            format!("{kept}\n")
+        };
+        let text = read(path);
+        let changed: String = text.lines().map(noisy).collect();
+        assert_ne!(changed, text);
+        std::fs::write(path, changed).unwrap();
+    });
+    let needles = ["inputs are not those that this run began with: the sensor", "--accept-changed inputs"];
+    run_fails(folder.path(), &["apply", "copy", &photo, "--out", "noisy"], 2, &needles);
+    let accepted = ["apply", "copy", &photo, "--camera", "nominal", "--out", "noisy"];
+    let said = run_ok(folder.path(), &[&accepted[..], &["--accept-changed", "inputs"]].concat());
+    assert!(said.says("copy: inputs is not as the run wrote it; accepted"), "{}", said.stderr);
 
     // A run of an earlier version has no digests: it is read with one warning.
     changed("metrics.json", &edit);

@@ -43,12 +43,14 @@ impl Task for Objects {
             pictures: PicturesKey::Data,
             has_classes: true,
             default_scores: Some(&["ap50", "ap", "ap75"]),
+            class_score: Some("ap50"),
             scored: "objects",
         }
     }
 
     fn check(&self, experiment: &Experiment, text: &str) -> Result<(), FileError> {
-        check_has_boxes(&experiment.classes(), text)
+        check_has_boxes(&experiment.classes(), text)?;
+        check_names(&experiment.classes(), text)
     }
 
     fn scores(&self, experiment: &Experiment) -> Vec<String> {
@@ -82,6 +84,20 @@ fn check_has_boxes(classes: &Classes, text: &str) -> Result<(), FileError> {
         if let Some((key, message)) = wrong {
             let error = FileError::at_key(text, &["class", &i.to_string(), key], message);
             return Err(error.hint("leave it out, or write \"segments\" for the task"));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses names by which a score of a class would be that of a group of objects, too: `ap50_small`.
+fn check_names(classes: &Classes, text: &str) -> Result<(), FileError> {
+    let scores = object_scores(&classes.names());
+    for (i, class) in classes.iter().enumerate() {
+        let name = format!("ap50_{}", class.name);
+        if scores.iter().filter(|score| score.about.name == name).count() > 1 {
+            let message = format!("`{name}` is the score of a group of objects, too");
+            let error = FileError::at_key(text, &["class", &i.to_string(), "name"], message);
+            return Err(error.hint("give the class another name"));
         }
     }
     Ok(())

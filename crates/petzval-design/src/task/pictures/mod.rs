@@ -39,6 +39,7 @@ impl Task for Pictures {
             pictures: PicturesKey::Photos,
             has_classes: false,
             default_scores: None,
+            class_score: None,
             scored: "pictures",
         }
     }

@@ -45,6 +45,7 @@ impl Task for Segments {
             pictures: PicturesKey::Data,
             has_classes: true,
             default_scores: Some(&["miou", "pixel_accuracy"]),
+            class_score: Some("iou"),
             scored: "pixels",
         }
     }
@@ -219,7 +220,8 @@ mod tests {
             format!("[[class]]\nname = \"a\"\n{one}\n[[class]]\nname = \"b\"\n{other}\n")
         };
         let [road, sky] = ["street = [\"road\"]", "street = [\"sky\"]"];
-        Experiment::parse(&format!("task = \"segments\"\n{}", two(road, sky))).unwrap();
+        let streets = Experiment::parse(&format!("task = \"segments\"\n{}", two(road, sky))).unwrap();
+        assert_eq!(streets.scoring.scores, ["miou", "pixel_accuracy", "iou_a", "iou_b"]);
         let object = refused(&two(road, "street = [\"traffic-light\"]"));
         assert!(object.contains("line 7") && object.contains("`traffic-light` is an object"), "{object}");
         assert!(object.contains("surfaces are pedestrian, vehicle, signal, road"), "{object}");

@@ -21,8 +21,7 @@ use crate::coco::defect::{DefectKind, Defects};
 use crate::coco::error::CocoError;
 use crate::coco::folder::LARGEST_ANNOTATIONS;
 use crate::coco::loose::{Fields, Loose, Record, Wrong};
-use crate::coco::numbers::mark_numbers;
-use crate::coco::read::json_error;
+use crate::coco::read::{json_error, plain_json};
 
 /// A file: a list of pictures, or a table with one (`frames`).
 enum Contents {
@@ -193,8 +192,7 @@ fn folder_around(file: &Path) -> PathBuf {
 /// The pictures of a file, and whether it is a list of them.
 fn pictures_of(path: &Path) -> Result<(Vec<Record<Picture>>, bool), CocoError> {
     let hint = "lanes and areas (`poly2d`) are not used and may be left out; or split the file";
-    let mut bytes = read_bounded(path, LARGEST_ANNOTATIONS, hint)?;
-    mark_numbers(&mut bytes);
+    let bytes = plain_json(read_bounded(path, LARGEST_ANNOTATIONS, hint)?);
     let start = bytes.iter().find(|b| !b.is_ascii_whitespace());
     // Choose by the first character: an error then has its place.
     let contents = match start {

@@ -65,6 +65,11 @@ pub(super) fn convert_voc(
         }
         unread.iter().for_each(|field| builder.unread(field));
         for Object { class, bounds, is_rotated, is_difficult, attributes } in objects {
+            // Further out it is an overhang.
+            let begins_at_zero = [bounds.x, bounds.y].iter().any(|edge| (-1.0..0.0).contains(edge));
+            if begins_at_zero && !is_rotated {
+                builder.defects.add(DefectKind::CountedFromZero, || format!("{}: {class}", path.display()));
+            }
             if is_rotated {
                 builder.defects.add(DefectKind::RotatedBox, || format!("{}: {class}", path.display()));
             }
