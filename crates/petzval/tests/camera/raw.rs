@@ -61,6 +61,16 @@ fn a_frame_goes_through_every_format_without_loss() {
         assert!(text.contains(words), "{words}\n{text}");
     }
 
+    // Black levels by pixel of the tile are shown one by one, not as their mean.
+    let sidecar = std::fs::read_to_string(at("g.tiff.toml")).unwrap();
+    let tile = sidecar.replace("black_level_dn = 119.0", "black_level_dn = [118.0, 119.5, 121.0, 119.0]");
+    assert_ne!(sidecar, tile);
+    std::fs::write(at("g.tiff.toml"), tile).unwrap();
+    let text = run_ok(folder.path(), &["raw", "show", "g.tiff"]).stdout;
+    let words = "black level   118, 119.5, 121, 119 DN, by pixel of the tile\n";
+    assert!(text.contains(words), "{words}\n{text}");
+    std::fs::write(at("g.tiff.toml"), sidecar).unwrap();
+
     // OpenEXR holds the same numbers as floats.
     run_ok(folder.path(), &["raw", "convert", "g.tiff", "h.exr"]);
     assert!(std::fs::read(at("h.exr")).unwrap().starts_with(&[0x76, 0x2f, 0x31, 0x01]));
