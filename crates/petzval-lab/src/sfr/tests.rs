@@ -200,6 +200,14 @@ fn a_sharp_edge_at_45_degrees_is_refused_at_every_phase_of_the_pixels() {
 }
 
 #[test]
+fn a_wide_blur_is_neither_narrowed_by_the_window_nor_moved_by_the_steps_of_the_frequency() {
+    for (side, sigma) in [(100, 8.0), (60, 6.0), (50, 6.0)] {
+        let edge = Edge { height: side, width: side, ..Edge::at(8.0, sigma) };
+        edge.assert_mtf50(&edge.light(), 0.002);
+    }
+}
+
+#[test]
 fn a_tiny_region_is_measured() {
     for angle_deg in [4.0, 10.0, 30.0] {
         let edge = Edge { height: 20, width: 20, ..Edge::at(angle_deg, SIGMA) };
