@@ -216,6 +216,14 @@ fn mtf_of_an_edge_is_printed_and_written() {
         run_ok(folder.path(), &[&["raw", "mtf", "edge.png", "--picture", "--json"], &region[..]].concat())
             .json();
     assert_eq!(picture["light"], "srgb-undone");
+    // A dead column is left out, so that no light counts as cut off.
+    let mut dead = image::open(&edge).unwrap().into_luma16();
+    (0..120).for_each(|y| dead.put_pixel(60, y, image::Luma([0])));
+    dead.save(folder.path().join("dead.png")).unwrap();
+    std::fs::write(folder.path().join("dead.png.toml"), sidecar).unwrap();
+    let run = run_ok(folder.path(), &[&["raw", "mtf", "dead.png"], &region[..]].concat());
+    assert!(run.says("80 pixels that do not fit the profile are left out"), "{}", run.stderr);
+    assert!(!run.says("the least value"), "{}", run.stderr);
     // A gray picture, encoded: undone, it has the response of its light.
     write_edge(&folder.path().join("shown.png"), |d| {
         let light = 0.05 + 0.6 * rise(d);
