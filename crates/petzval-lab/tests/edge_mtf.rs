@@ -144,6 +144,27 @@ fn an_edge_at_45_degrees_determines_no_response_above_0_71_cycles_per_pixel() {
 }
 
 #[test]
+fn a_sharp_edge_at_45_degrees_is_too_coarse_for_the_colours_of_a_mosaic() {
+    // Pixels of one colour sample it every 1.41 pixels of the frame, at every phase of the edge.
+    const SHARP: f64 = 0.6;
+    let region = Region { row: 0, col: 0, height: ALONE, width: ALONE };
+    for offset in [0.0, 0.3, 0.5, 1.0] {
+        let value = |i: usize| {
+            let middle = 0.5 * ALONE as f64;
+            let (x, y) = ((i % ALONE) as f64 + 0.5 - middle - offset, (i / ALONE) as f64 + 0.5 - middle);
+            let distance = (x - y) * 0.5f64.sqrt();
+            (0.2 + 0.3 * libm::erfc(-distance / (SHARP * 2f64.sqrt()))) as f32
+        };
+        let values: Vec<f32> = (0..ALONE * ALONE).map(value).collect();
+        for channel in raw_channels(&values, ALONE, CfaPattern::RGGB).unwrap() {
+            let found = edge_mtf(&channel, &region);
+            let is_coarse = |error: &SfrError| matches!(error, SfrError::Angle { gap_px, .. } if (gap_px - 2f64.sqrt()).abs() < 1e-3);
+            assert!(found.as_ref().is_err_and(is_coarse), "{} at {offset}: {found:?}", channel.name);
+        }
+    }
+}
+
+#[test]
 fn a_picture_without_an_edge_has_no_region() {
     let texture: Vec<f32> = (0..120 * 120).map(|i| ((i * 7919) % 101) as f32).collect();
     let channels = raw_channels(&texture, 120, CfaPattern::MONO).unwrap();

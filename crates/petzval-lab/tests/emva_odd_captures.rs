@@ -365,6 +365,22 @@ fn useless_captures_are_refused() {
 }
 
 #[test]
+fn a_mosaic_that_the_list_leaves_out_is_named() {
+    let plan = Plan { stack: 6, ..one_gain() };
+    let folder = series(&imx249(), &plan);
+    let is_named = |found: &Characterization| {
+        messages(found, "fit-departs").iter().any(|w| w.contains("PRNU") && w.contains("another mosaic"))
+    };
+    assert!(!is_named(&measured(folder.path()).unwrap()));
+    let text = list(folder.path());
+    let without: Vec<&str> = text.lines().filter(|line| !line.starts_with("cfa")).collect();
+    assert!(without.len() + 1 == text.lines().count());
+    set_list(folder.path(), &without.join("\n"));
+    let found = measured(folder.path()).unwrap();
+    assert!(is_named(&found), "{:?}", found.warnings);
+}
+
+#[test]
 fn a_quantum_efficiency_above_one_gives_a_warning() {
     let plan = Plan { quantum_efficiency: Some(0.6), ..one_gain() };
     let folder = series(&mono(), &plan);

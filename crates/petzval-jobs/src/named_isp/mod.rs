@@ -373,8 +373,15 @@ pub fn preset_file(preset: &IspPreset) -> Result<String, JobError> {
 /// The error of an ISP about the frame of a file.
 pub fn about_frame(file: &Path) -> impl Fn(IspError) -> JobError {
     move |error| match error {
-        IspError::Input { .. } => {
-            JobError::input(format!("{}: {error}", file.display()), "correct the frame or its sidecar")
+        IspError::Input { what, .. } => {
+            let hint = match what {
+                "colour filter array" => {
+                    "ISPs take Bayer mosaics alone; if the frame has one, correct `cfa` in its sidecar"
+                }
+                "size of the frame" => "cut the frame to even sides of at least 16 pixels",
+                _ => "correct the frame or its sidecar",
+            };
+            JobError::input(format!("{}: {error}", file.display()), hint)
         }
         IspError::External(_) => JobError::failed(format!("{}: {error}", file.display())),
         IspError::Stopped(_) => Stopped::new(format!("{}: {error}", file.display())).into(),

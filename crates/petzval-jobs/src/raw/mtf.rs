@@ -369,8 +369,12 @@ fn warn(edges: &[Edge], frame: &Frame, context: &Context) {
         for mtf in &edge.channels {
             let of = format!("region {}: {}", edge.region, mtf.channel);
             if let Some(channel) = frame.channels.iter().find(|channel| channel.name == mtf.channel) {
+                // Pixels that are left out, such as dead ones, do not change the response.
+                let places = channel.planes.len() as f64 / (channel.pitch * channel.pitch) as f64;
+                let pixels = (edge.region.height * edge.region.width) as f64 * places;
+                let left_out = mtf.left_out as f64 / pixels;
                 for (share, end) in channel.shares_at(&edge.region, frame.ends).into_iter().zip(ENDS) {
-                    if share > CLIPPED_SHARE {
+                    if share - left_out > CLIPPED_SHARE {
                         context.warning(WarningKind::Edge, format!(
                             "{of}: {:.1} % of the pixels are at {end}: if light was cut off there, the response is wrong",
                             100.0 * share

@@ -124,7 +124,7 @@ pub fn missed_edge(channel: &Channel) -> Option<Missed> {
                 (!SEARCHED_DEG.contains(&deg)).then_some(Missed::Angle { region, deg })
             }
             Err(error @ (SfrError::Clipped { .. } | SfrError::Angle { .. })) => {
-                Some(Missed::NoResponse { region, error })
+                Some(Missed::NoResponse { region, error: error.of_frame(channel.pitch) })
             }
             Err(_) => None,
         }

@@ -130,7 +130,10 @@ pub fn edge_mtf(channel: &Channel, region: &Region) -> Result<EdgeMtf, SfrError>
     let responses: Vec<_> = channel
         .planes
         .iter()
-        .map(|plane| slanted_edge(&plane.as_plane(), &plane.window(region, channel.pitch)))
+        .map(|plane| {
+            slanted_edge(&plane.as_plane(), &plane.window(region, channel.pitch))
+                .map_err(|error| error.of_frame(channel.pitch))
+        })
         .collect::<Result<_, _>>()?;
     let count = responses.len() as f64;
     let mean = |of: &dyn Fn(&EdgeResponse) -> f64| responses.iter().map(of).sum::<f64>() / count;

@@ -30,15 +30,19 @@ const ANSWER: f64 = 0.5;
 /// Standard deviations of the ordinary pixels beyond which such a deviation is not noise.
 const SIGMAS: f64 = 6.0;
 
-/// Widest group of neighbouring pixels that is a defect, in its narrower direction: a cluster, or a few columns. What is wider both ways is a part of the
-/// picture without light, such as the corners beyond the image circle of a lens.
+/// Widest group of neighbouring pixels that is a defect, in its narrower direction: a cluster, or a few columns. What is wider both ways and filled is a
+/// part of the picture without light, such as the corners beyond the image circle of a lens.
 const WIDEST: usize = 8;
+
+/// Side of the largest filled square of a group, as a share of its narrower extent, from which the group is filled: a corner has a half, a dead row that
+/// meets a dead column next to nothing.
+const FILLED: f64 = 0.25;
 
 /// Light, as a share of the median of the picture, below which there is none.
 const LEAST_LIGHT: f64 = 0.1;
 
 /// Places of defect pixels: their response to light is below 0.5 or above 1.5 times the median of their block of the picture, and off it by
-/// more than six standard deviations of all pixels. A wide group of such pixels is no defect, and is left out.
+/// more than six standard deviations of all pixels. A wide and filled group of such pixels is no defect, and is left out.
 pub fn defects(flat: &Plane, dark: &Plane) -> Vec<usize> {
     let answer: Vec<f64> = flat.values.iter().zip(&dark.values).map(|(f, d)| f - d).collect();
     let block_of = |i: usize| {
@@ -60,7 +64,9 @@ pub fn defects(flat: &Plane, dark: &Plane) -> Vec<usize> {
     // Groups with the pixels that have no light: those around a dark corner are a part of it.
     let least = LEAST_LIGHT * median(answer.iter().copied());
     let is_marked: Vec<bool> = is_off.iter().zip(&answer).map(|(off, a)| *off || *a < least).collect();
-    let narrow = groups(&is_marked, flat.width).into_iter().filter(is_narrow(flat.width));
+    let sides = square_sides(&is_marked, flat.width);
+    let narrow =
+        groups(&is_marked, flat.width).into_iter().filter(|group| is_narrow(group, &sides, flat.width));
     let mut found: Vec<usize> = narrow.flatten().filter(|i| is_off[*i]).collect();
     found.sort_unstable();
     found
@@ -88,15 +94,26 @@ fn groups(is_marked: &[bool], width: usize) -> Vec<Vec<usize>> {
     all
 }
 
-/// Whether a group is at most [`WIDEST`] pixels wide in one direction.
-fn is_narrow(width: usize) -> impl Fn(&Vec<usize>) -> bool {
-    move |group| {
-        let extent = |of: &dyn Fn(usize) -> usize| {
-            let (low, high) = group.iter().fold((usize::MAX, 0), |(l, h), i| (l.min(of(*i)), h.max(of(*i))));
-            high - low + 1
-        };
-        extent(&|i| i / width).min(extent(&|i| i % width)) <= WIDEST
+/// For each pixel: the side of the largest square of marked pixels of which it is the last, lower right one.
+fn square_sides(is_marked: &[bool], width: usize) -> Vec<usize> {
+    let mut sides = vec![0; is_marked.len()];
+    for (at, _) in is_marked.iter().enumerate().filter(|(_, marked)| **marked) {
+        let is_inside = at >= width && at % width > 0;
+        let before = || sides[at - 1].min(sides[at - width]).min(sides[at - width - 1]);
+        sides[at] = if is_inside { before() + 1 } else { 1 };
     }
+    sides
+}
+
+/// Whether a group is at most [`WIDEST`] pixels wide in one direction, or consists of lines that meet: no square in it is wide.
+fn is_narrow(group: &[usize], sides: &[usize], width: usize) -> bool {
+    let extent = |of: &dyn Fn(usize) -> usize| {
+        let (low, high) = group.iter().fold((usize::MAX, 0), |(l, h), i| (l.min(of(*i)), h.max(of(*i))));
+        high - low + 1
+    };
+    let narrower = extent(&|i| i / width).min(extent(&|i| i % width));
+    let square = group.iter().map(|i| sides[*i]).fold(0, usize::max);
+    narrower <= WIDEST || square <= WIDEST && (square as f64) < FILLED * narrower as f64
 }
 
 /// Places of the pixels up to `reach` rows and columns from a pixel, itself among them, in a picture of so many pixels.
@@ -158,6 +175,28 @@ mod tests {
         // Where no pixel is good, nothing can be filled in.
         let all: Vec<usize> = (0..sum.len()).collect();
         assert_eq!(without(&sum, WIDTH, &all), sum);
+    }
+
+    #[test]
+    fn dead_rows_and_columns_that_meet_are_found_whole() {
+        // A row and two columns from side to side, half a row that ends at one of them, and a cluster on the row.
+        let is_dead = |r: usize, c: usize| {
+            r == 50
+                || (33..35).contains(&c)
+                || r == 200 && c < 34
+                || (48..54).contains(&r) && (300..306).contains(&c)
+        };
+        for level in [0.0, 3000.0] {
+            let [flat, mut dark] = stacks(|r, c| if is_dead(r, c) { level } else { 1000.0 });
+            for (i, value) in dark.values.iter_mut().enumerate() {
+                if is_dead(i / WIDTH, i % WIDTH) {
+                    *value = flat.values[i];
+                }
+            }
+            let found = defects(&flat, &dark);
+            let wanted: Vec<usize> = (0..WIDTH * HEIGHT).filter(|i| is_dead(i / WIDTH, i % WIDTH)).collect();
+            assert_eq!(found, wanted, "{level}");
+        }
     }
 
     #[test]

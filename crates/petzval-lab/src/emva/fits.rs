@@ -35,6 +35,10 @@ impl NamedFit {
     }
 }
 
+/// The usual cause of pixels that differ in the light from one to the next: the list states no mosaic, or another one.
+const OTHER_FILTERS: &str =
+    "as if the pixels have colour filters of another mosaic; if so, state it in `cfa`";
+
 /// Every fit, those of all gains first.
 pub fn fits(found: &Characterization) -> Vec<NamedFit> {
     let share = |test: &FitTest, value: Option<f64>| {
@@ -93,8 +97,10 @@ pub fn fits(found: &Characterization) -> Vec<NamedFit> {
             if let Some(test) = channel.spatial.as_ref().and_then(|s| s.dark_components.test) {
                 add("DSNU", colour, test, None, None);
             }
-            if let Some(test) = channel.spatial.as_ref().and_then(|s| s.flat_components.test) {
-                add("PRNU", colour, test, None, None);
+            let flat = channel.spatial.as_ref().map(|s| &s.flat_components);
+            if let Some(test) = flat.and_then(|components| components.test) {
+                let tiled = flat.is_some_and(|components| components.is_tiled);
+                add("PRNU", colour, test, None, tiled.then_some(OTHER_FILTERS));
             }
         }
     }

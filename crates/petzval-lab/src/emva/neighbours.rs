@@ -19,6 +19,9 @@ const DISTANCES: [[usize; 2]; 4] = [[0, 1], [1, 0], [0, 2], [2, 0]];
 /// Least departure of a correlation that matters: less changes a variance by less than 2 %.
 const LEAST: f64 = 0.01;
 
+/// Correlation with the next pixel but one, of either sign, from which pixels repeat like the filters of a mosaic.
+const TILED: f64 = 0.5;
+
 /// Correlations of pixels with their neighbours.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Neighbours {
@@ -82,6 +85,14 @@ impl Neighbours {
     /// Departures of the correlations from those of independent pixels.
     fn departures(&self) -> [f64; DISTANCES.len()] {
         self.excess.map(|excess| excess / self.pixels.max(1.0))
+    }
+
+    /// Whether the pixels repeat in rows and columns as in a tile of colour filters, 2x2 or, with two alike in a row, 4x4.
+    pub fn is_tiled(&self) -> bool {
+        let [right, down, second_right, second_down] = self.departures();
+        let is_two = right.max(down) < 0.0 && second_right.min(second_down) > TILED;
+        let is_four = second_right.max(second_down) < -TILED;
+        is_two || is_four
     }
 
     /// The test. A departure that no figure shows is none.
@@ -184,6 +195,17 @@ mod tests {
             }
             let found = Neighbours::of(&filter.apply(&alike).unwrap(), filter);
             assert_eq!(found.test().verdict, Verdict::Widened, "{filter:?}");
+            assert!(!found.is_tiled(), "{filter:?}");
+            // Tiles of filters, one pixel or two by two of a colour, beside as much noise as they differ by.
+            for side in [1, 2] {
+                let mut tiled = noise(8);
+                for (i, value) in tiled.values.iter_mut().enumerate() {
+                    let (row, col) = (i / SIZE / side % 2, i % SIZE / side % 2);
+                    *value += [[-4.0, 1.0], [1.0, -2.0]][row][col];
+                }
+                let found = Neighbours::of(&filter.apply(&tiled).unwrap(), filter);
+                assert!(found.is_tiled(), "{filter:?} {side}: {:?}", found.departures());
+            }
             assert!(
                 (found.departures()[0] - 0.3).abs() < 0.03 && found.scatter() > 1.08,
                 "{:?}",

@@ -99,6 +99,9 @@ pub struct Components {
     /// the right, and the next ones, against those that the filter makes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub test: Option<FitTest>,
+    /// Whether the pixels repeat as in a tile of colour filters.
+    #[serde(skip)]
+    pub is_tiled: bool,
 }
 
 /// Rows or columns of a picture seen from the side.
@@ -434,7 +437,14 @@ fn components(subs: &[Sub], high_pass: HighPass) -> Components {
     let mut neighbours = Neighbours::default();
     for sub in subs {
         let Some(plane) = high_pass.apply(&sub.mean()).filter(|p| p.height >= 8 && p.width >= 8) else {
-            return Components { total: none, row: none, column: none, pixel: none, test: None };
+            return Components {
+                total: none,
+                row: none,
+                column: none,
+                pixel: none,
+                test: None,
+                is_tiled: false,
+            };
         };
         let (m, n, l) = (plane.height as f64, plane.width as f64, sub.frames as f64);
         let found = moments(&plane);
@@ -501,7 +511,14 @@ fn components(subs: &[Sub], high_pass: HighPass) -> Components {
         let se = parts.iter().map(|p| p[k].1 * p[k].1).sum::<f64>().sqrt() / count;
         Measured::new(value, se)
     };
-    Components { total: of(0), row: of(1), column: of(2), pixel: of(3), test: Some(neighbours.test()) }
+    Components {
+        total: of(0),
+        row: of(1),
+        column: of(2),
+        pixel: of(3),
+        test: Some(neighbours.test()),
+        is_tiled: neighbours.is_tiled(),
+    }
 }
 
 /// What the filtered mean frames of both stacks have in common, over the places of a colour.

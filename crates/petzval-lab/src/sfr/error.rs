@@ -71,3 +71,13 @@ pub enum SfrError {
         share: f64,
     },
 }
+
+impl SfrError {
+    /// The same error of a plane that has every `pitch`-th pixel of a frame, with the gap in pixels of the frame.
+    pub fn of_frame(self, pitch: usize) -> Self {
+        match self {
+            Self::Angle { deg, gap_px } => Self::Angle { deg, gap_px: pitch as f64 * gap_px },
+            other => other,
+        }
+    }
+}

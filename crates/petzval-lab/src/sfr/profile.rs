@@ -49,8 +49,9 @@ const SQUARE_PX: f64 = 8.0;
 /// Least pixels of a part that is compared.
 const LEAST_OF_PART: f64 = 8.0;
 
-/// Modulation at the highest frequency that the pixels sample without ambiguity, above which an edge is sampled too coarsely.
-const LARGEST_ALIAS: f64 = 0.05;
+/// Shares of the highest frequency that the pixels sample without ambiguity, and the modulation there above which an edge is sampled too coarsely.
+/// At that frequency the image from beyond it may cancel the modulation, by the phase at which the pixels meet the edge. Just below it cannot.
+const LARGEST_ALIAS: [(f64, f64); 2] = [(1.0, 0.05), (0.9, 0.08)];
 
 /// A gap between the distances of the pixels below which frequencies to 5/4 cycles per pixel are sampled, pixels.
 const FINE_GAP_PX: f64 = 0.4;
@@ -431,9 +432,13 @@ impl<'a> Profile<'a> {
     /// Refuses an edge that the pixels sample too coarsely.
     pub fn check_sampling(&self, sfr: &Sfr) -> Result<(), SfrError> {
         let gap_px = self.gap_px();
-        let highest = 0.5 / gap_px.max(0.5);
-        let alias = sfr.at(highest) - 3.0 * sfr.error_at(highest);
-        let is_coarse = gap_px > LARGEST_GAP_PX || (gap_px > FINE_GAP_PX && alias > LARGEST_ALIAS);
+        let is_aliased = || {
+            LARGEST_ALIAS.iter().any(|(share, largest)| {
+                let frequency = share * 0.5 / gap_px;
+                sfr.at(frequency) - 3.0 * sfr.error_at(frequency) > *largest
+            })
+        };
+        let is_coarse = gap_px > LARGEST_GAP_PX || (gap_px > FINE_GAP_PX && is_aliased());
         if is_coarse {
             return Err(SfrError::Angle { deg: self.angle_deg().0.value.abs(), gap_px });
         }

@@ -186,6 +186,28 @@ fn mtf50_is_right_to_a_fifth_of_a_percent_from_2_to_45_degrees() {
 }
 
 #[test]
+fn a_sharp_edge_at_45_degrees_is_refused_at_every_phase_of_the_pixels() {
+    // The pixels sample it every 0.71 pixels. At the offset of a half they do so at opposite phases on either side.
+    for offset in [0.0, 0.2, 0.3, 0.5] {
+        let edge = Edge { offset, ..Edge::at(45.0, 0.3) };
+        let found = edge.measured(&edge.light());
+        let is_coarse = |error: &SfrError| matches!(error, SfrError::Angle { gap_px, .. } if (gap_px - 0.5f64.sqrt()).abs() < 1e-3);
+        assert!(found.as_ref().is_err_and(is_coarse), "{offset}: {found:?}");
+        // A softer one has nothing beyond what they sample.
+        let edge = Edge { sigma: SIGMA, ..edge };
+        edge.assert_mtf50(&edge.light(), 0.002);
+    }
+}
+
+#[test]
+fn a_wide_blur_is_neither_narrowed_by_the_window_nor_moved_by_the_steps_of_the_frequency() {
+    for (side, sigma) in [(100, 8.0), (60, 6.0), (50, 6.0)] {
+        let edge = Edge { height: side, width: side, ..Edge::at(8.0, sigma) };
+        edge.assert_mtf50(&edge.light(), 0.002);
+    }
+}
+
+#[test]
 fn a_tiny_region_is_measured() {
     for angle_deg in [4.0, 10.0, 30.0] {
         let edge = Edge { height: 20, width: 20, ..Edge::at(angle_deg, SIGMA) };

@@ -61,6 +61,16 @@ fn a_frame_goes_through_every_format_without_loss() {
         assert!(text.contains(words), "{words}\n{text}");
     }
 
+    // Black levels by pixel of the tile are shown one by one, not as their mean.
+    let sidecar = std::fs::read_to_string(at("g.tiff.toml")).unwrap();
+    let tile = sidecar.replace("black_level_dn = 119.0", "black_level_dn = [118.0, 119.5, 121.0, 119.0]");
+    assert_ne!(sidecar, tile);
+    std::fs::write(at("g.tiff.toml"), tile).unwrap();
+    let text = run_ok(folder.path(), &["raw", "show", "g.tiff"]).stdout;
+    let words = "black level   118, 119.5, 121, 119 DN, by pixel of the tile\n";
+    assert!(text.contains(words), "{words}\n{text}");
+    std::fs::write(at("g.tiff.toml"), sidecar).unwrap();
+
     // OpenEXR holds the same numbers as floats.
     run_ok(folder.path(), &["raw", "convert", "g.tiff", "h.exr"]);
     assert!(std::fs::read(at("h.exr")).unwrap().starts_with(&[0x76, 0x2f, 0x31, 0x01]));
@@ -206,6 +216,14 @@ fn mtf_of_an_edge_is_printed_and_written() {
         run_ok(folder.path(), &[&["raw", "mtf", "edge.png", "--picture", "--json"], &region[..]].concat())
             .json();
     assert_eq!(picture["light"], "srgb-undone");
+    // A dead column is left out, so that no light counts as cut off.
+    let mut dead = image::open(&edge).unwrap().into_luma16();
+    (0..120).for_each(|y| dead.put_pixel(60, y, image::Luma([0])));
+    dead.save(folder.path().join("dead.png")).unwrap();
+    std::fs::write(folder.path().join("dead.png.toml"), sidecar).unwrap();
+    let run = run_ok(folder.path(), &[&["raw", "mtf", "dead.png"], &region[..]].concat());
+    assert!(run.says("80 pixels that do not fit the profile are left out"), "{}", run.stderr);
+    assert!(!run.says("the least value"), "{}", run.stderr);
     // A gray picture, encoded: undone, it has the response of its light.
     write_edge(&folder.path().join("shown.png"), |d| {
         let light = 0.05 + 0.6 * rise(d);

@@ -66,7 +66,7 @@ fn facts(info: &RawInfo) -> Vec<(&'static str, String)> {
         ("sensor", info.sensor.clone()),
         ("bits", info.bits.map(|bits| bits.to_string())),
         ("mosaic", info.cfa.map(|cfa| cfa.to_string())),
-        ("black level", number(info.black_level_dn, " DN")),
+        ("black level", black_level(info)),
         ("white level", number(info.white_level_dn, " DN")),
         (
             "companding",
@@ -80,4 +80,12 @@ fn facts(info: &RawInfo) -> Vec<(&'static str, String)> {
         ("temperature", number(info.temperature_c, " degrees C")),
     ];
     all.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
+}
+
+/// The black level: one number, or one for each pixel of the tile, row by row.
+fn black_level(info: &RawInfo) -> Option<String> {
+    let levels = info.black_tile_dn.clone().or_else(|| info.black_level_dn.map(|dn| vec![dn]))?;
+    let levels: Vec<String> = levels.iter().map(f64::to_string).collect();
+    let by_pixel = if levels.len() > 1 { ", by pixel of the tile" } else { "" };
+    Some(format!("{} DN{by_pixel}", levels.join(", ")))
 }

@@ -287,6 +287,22 @@ fn black_levels_of_the_tile_and_the_gain_are_subtracted() {
 }
 
 #[test]
+fn frames_that_no_isp_takes_are_refused_with_what_it_takes() {
+    let folder = tempfile::tempdir().unwrap();
+    let levels = "bits = 12\nblack_level_dn = 119\nwhite_level_dn = 4000\n";
+    let args = ["isp", "develop", "frame.npy", "--out", "out"];
+    write_npy(&folder.path().join("frame.npy"), (32, 48), &[500; 32 * 48], levels);
+    let sidecar = folder.path().join("frame.npy.toml");
+    let bayer = read(&sidecar);
+    for cfa in ["RW/WB", "mono"] {
+        std::fs::write(&sidecar, bayer.replace("GRBG", cfa)).unwrap();
+        run_fails(folder.path(), &args, 2, &["frame.npy", cfa, "take Bayer mosaics alone"]);
+    }
+    write_npy(&folder.path().join("frame.npy"), (33, 48), &[500; 33 * 48], levels);
+    run_fails(folder.path(), &args, 2, &["33 x 48", "cut the frame to even sides"]);
+}
+
+#[test]
 fn a_hostile_sidecar_is_refused_before_anything_is_read() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
