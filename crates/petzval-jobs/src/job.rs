@@ -156,7 +156,8 @@ fn response_schema<J: Job>() -> Value {
 fn request<J: Job>(request: Value) -> Result<J::Request, JobError> {
     let known = format!("`petzval schema job {}` prints what a request may hold", J::NAME);
     let refused = |error: FileError| {
-        let hint = error.hint.as_ref().map_or_else(|| known.clone(), |hint| format!("{hint} {known}"));
+        let after = |hint: &String| if hint.ends_with('?') { " " } else { "; " };
+        let hint = error.hint.as_ref().map_or_else(|| known.clone(), |hint| hint.clone() + after(hint) + &known);
         JobError::input(format!("request of {}: {}", J::NAME, FileError { hint: None, ..error }), hint)
     };
     if !J::NEEDS.is_empty() && !request.is_object() {
