@@ -251,6 +251,10 @@ def test_a_task_states_its_scores_and_gives_numbers() -> None:
     [
         ("forward", None, "gives NoneType, not an array"),
         ("forward", [[1.0], [2.0, 3.0]], "gives list, not an array of real numbers"),
+        ("forward", np.array([[["0.5"]]]), "gives ndarray, not an array of real numbers: they are of type <U3"),
+        ("forward", np.ones((1, 3, 2, 2), bool), "not an array of real numbers: they are of type bool"),
+        ("forward", np.ones((1, 3, 2, 2), complex), "not an array of real numbers: they are of type complex128"),
+        ("score", {"a": "1.5"}, "gives str in place of a number"),
         ("loss", 1.0, "gives float, not the loss and its cotangent"),
         ("score", [1.0], "gives list, not a dictionary"),
         ("score", {"a": "b"}, "gives str in place of a number"),

@@ -172,10 +172,12 @@ def _array(given: Any) -> NDArray[np.float32]:
     if given is None:
         raise _Answer("gives NoneType, not an array of real numbers")
     try:
-        if np.iscomplexobj(given):
-            raise TypeError("they are complex")
+        array = np.asarray(given)
+        # Texts and truth values would become numbers that nobody meant.
+        if array.dtype.kind in "USObcmM":
+            raise TypeError(f"they are of type {array.dtype}")
         with np.errstate(over="ignore"):
-            return np.ascontiguousarray(given, dtype=np.float32)
+            return np.ascontiguousarray(array, dtype=np.float32)
     except (TypeError, ValueError, RuntimeError) as error:
         raise _Answer(f"gives {type(given).__name__}, not an array of real numbers: {error}") from None
 
@@ -183,6 +185,8 @@ def _array(given: Any) -> NDArray[np.float32]:
 def _number(given: Any) -> float | str:
     """A number as JSON has it; one that is not finite as text."""
     try:
+        if isinstance(given, str | bytes):
+            raise TypeError("a text")
         number = float(given)
     except (TypeError, ValueError):
         raise _Answer(f"gives {type(given).__name__} in place of a number") from None
