@@ -294,3 +294,20 @@ def test_derivatives_of_the_numpy_classes_are_those_of_differences() -> None:
     loss, (pictures, targets, along) = tiny_nets.Edges().loss, draw((3, 2, 3, 6, 5))
     wanted = (loss(pictures + e * along, targets)[0] - loss(pictures - e * along, targets)[0]) / (2 * e)
     assert (loss(pictures, targets)[1] * along).sum() == pytest.approx(wanted, rel=1e-6)
+
+
+def test_a_loss_may_be_a_tensor_that_requires_a_gradient() -> None:
+    class Tensor:
+        def detach(self) -> float:
+            return 0.5
+
+        def __float__(self) -> float:
+            raise AssertionError("warns in PyTorch")
+
+    class Gives:
+        def loss(self, pictures: object, targets: object) -> tuple[object, object]:
+            return Tensor(), np.zeros((1, 3, 2, 2))
+
+    guest = _worker._Guest(Gives(), "mine:Gives")
+    answer, found, _ = _worker.call(guest, json.dumps({"method": "loss"}), [np.zeros((1, 3, 2, 2), np.float32)] * 2, b"")
+    assert json.loads(answer) == {"value": 0.5} and found[0].dtype == np.float32

@@ -187,7 +187,8 @@ def _number(given: Any) -> float | str:
     try:
         if isinstance(given, str | bytes):
             raise TypeError("a text")
-        number = float(given)
+        # A tensor that requires a gradient would warn.
+        number = float(given.detach() if hasattr(given, "detach") else given)
     except (TypeError, ValueError):
         raise _Answer(f"gives {type(given).__name__} in place of a number") from None
     return number if math.isfinite(number) else str(number)

@@ -291,7 +291,7 @@ class _Psf(torch.autograd.Function):
 class _PsfForward(_Psf):
     @staticmethod
     def jvp(ctx: Any, *by: Any) -> Any:
-        raise NotImplementedError("PSFs have no forward derivative: use backward, torch.func.grad, vjp or jacrev")
+        raise NotImplementedError("PSFs have no forward derivative: use backward, torch.func.grad, vjp or jacrev; the slope of a loss along u is torch.func.grad(loss)(x) @ u")
 
 
 LENS_NUMBERS.function, LENS_PENALTY.function = _LensNumbers, _LensPenalty
