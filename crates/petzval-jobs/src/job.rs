@@ -157,7 +157,8 @@ fn request<J: Job>(request: Value) -> Result<J::Request, JobError> {
     let known = format!("`petzval schema job {}` prints what a request may hold", J::NAME);
     let refused = |error: FileError| {
         let after = |hint: &String| if hint.ends_with('?') { " " } else { "; " };
-        let hint = error.hint.as_ref().map_or_else(|| known.clone(), |hint| hint.clone() + after(hint) + &known);
+        let hint =
+            error.hint.as_ref().map_or_else(|| known.clone(), |hint| hint.clone() + after(hint) + &known);
         JobError::input(format!("request of {}: {}", J::NAME, FileError { hint: None, ..error }), hint)
     };
     if !J::NEEDS.is_empty() && !request.is_object() {
