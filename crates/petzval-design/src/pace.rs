@@ -31,7 +31,7 @@ pub struct UnitsLeft {
 pub struct TimeLeft {
     /// Wall-clock seconds, at the pace of the latest units of each part.
     pub seconds: f64,
-    /// Whether parts of which no unit is done yet come on top.
+    /// Whether it takes at least so long: parts of which no unit is done yet come on top, and no lens is improved alone, which may need fewer.
     pub is_least: bool,
 }
 
@@ -72,14 +72,17 @@ impl Pace {
 
     /// The time that the rest takes; `None` before any unit of it is known, and at the end.
     pub fn time_left(&self) -> Option<TimeLeft> {
-        let (mut seconds, mut is_least) = (0.0, false);
+        let (mut seconds, mut has_unknown, mut may_need_fewer) = (0.0, false, false);
         for part in self.left.iter().filter(|part| part.units > 0) {
             match self.seconds_of(part) {
-                Some(unit) => seconds += unit * part.units as f64,
-                None => is_least = true,
+                Some(unit) => {
+                    seconds += unit * part.units as f64;
+                    may_need_fewer |= part.is_one_step;
+                }
+                None => has_unknown = true,
             }
         }
-        (seconds > 0.0).then_some(TimeLeft { seconds, is_least })
+        (seconds > 0.0).then_some(TimeLeft { seconds, is_least: has_unknown && !may_need_fewer })
     }
 
     /// Adds to the pace of the part that moved; returns whether the event is one more of the same step.
@@ -205,7 +208,8 @@ mod tests {
         // The last event of a lens alone has the seconds of all of its iterations.
         events.extend([60.0, 60.0, 120.0].map(|seconds| event(12, "end-to-end", "restored", seconds)));
         let pace = Pace::new(rest, &events);
-        assert_eq!(pace.time_left(), Some(TimeLeft { seconds: 189.0 * 2.0 + 600.0, is_least: true }));
+        // The score comes on top, but the lens may need fewer than its ten iterations.
+        assert_eq!(pace.time_left(), Some(TimeLeft { seconds: 189.0 * 2.0 + 600.0, is_least: false }));
     }
 
     #[test]

@@ -66,6 +66,7 @@ pub mod task_view;
 pub mod threads;
 pub mod train;
 pub mod usual;
+pub mod weights;
 
 pub use as_unit::AsUnit;
 pub use built_in::built_in_assets;

@@ -172,6 +172,9 @@ jobs! {
     Detect "detect" ["detector"]
         "Finds objects in pictures."
         crate::detect::Request => crate::detect::Response, crate::detect::run, crate::detect::UNIT;
+    Weights "weights" ["weights"]
+        "Lists the weights of a network by name, and writes them to a file."
+        crate::weights::Request => crate::weights::Response, crate::weights::run, crate::weights::UNIT;
     DataConvert "data-convert" ["format", "input", "out"]
         "Converts a data set for object detection."
         crate::data::convert::Request => crate::data::convert::Response, crate::data::convert::run, crate::data::convert::UNIT;

@@ -1,4 +1,5 @@
-"""The same end-to-end step in DeepLens and in Petzval: time, memory, and errors of PSFs and of a gradient. Needs PyTorch and deeplens-core.
+"""The same end-to-end step in DeepLens and in Petzval: time, memory, and errors of PSFs and of a gradient. Needs PyTorch, and for the rows of
+DeepLens deeplens-core, which needs Python 3.12.
 
 Both programs have the Cooke triplet, four fields, three wavelengths, PSFs of 64 x 64 cells of 3.45 um, and one thread. What follows the PSFs is the
 same code: pictures are blurred by FFT, a small network restores them, and lens and network take a step of Adam. Each setting runs in a process of
@@ -18,6 +19,7 @@ import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -366,6 +368,9 @@ def main() -> None:
     print(f"{'':<32}{'PSF error':>10}{'pixels':>10}{'gradient':>12}{'held':>10}{'scatter':>11}{'PSFs, ms':>11}{'and back':>10}{'step, ms':>10}{'MB':>9}")
     for cells in PETZVAL_CELLS:
         row(f"Petzval, {cells} x {cells} pupil cells", measured("petzval", cells), truth, *slopes)
+    if find_spec("deeplens") is None:
+        print("DeepLens is not installed, and its rows are left out: pip install deeplens-core, in Python 3.12")
+        return
     theirs: tuple[np.ndarray, float, float] | None = None
     for name, rays in [*(("deeplens", rays) for rays in DEEPLENS_RAYS), ("deeplens-64", 8192)]:
         found = measured(name, rays)

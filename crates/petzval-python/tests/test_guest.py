@@ -251,6 +251,10 @@ def test_a_task_states_its_scores_and_gives_numbers() -> None:
     [
         ("forward", None, "gives NoneType, not an array"),
         ("forward", [[1.0], [2.0, 3.0]], "gives list, not an array of real numbers"),
+        ("forward", np.array([[["0.5"]]]), "gives ndarray, not an array of real numbers: they are of type <U3"),
+        ("forward", np.ones((1, 3, 2, 2), bool), "not an array of real numbers: they are of type bool"),
+        ("forward", np.ones((1, 3, 2, 2), complex), "not an array of real numbers: they are of type complex128"),
+        ("score", {"a": "1.5"}, "gives str in place of a number"),
         ("loss", 1.0, "gives float, not the loss and its cotangent"),
         ("score", [1.0], "gives list, not a dictionary"),
         ("score", {"a": "b"}, "gives str in place of a number"),
@@ -290,3 +294,20 @@ def test_derivatives_of_the_numpy_classes_are_those_of_differences() -> None:
     loss, (pictures, targets, along) = tiny_nets.Edges().loss, draw((3, 2, 3, 6, 5))
     wanted = (loss(pictures + e * along, targets)[0] - loss(pictures - e * along, targets)[0]) / (2 * e)
     assert (loss(pictures, targets)[1] * along).sum() == pytest.approx(wanted, rel=1e-6)
+
+
+def test_a_loss_may_be_a_tensor_that_requires_a_gradient() -> None:
+    class Tensor:
+        def detach(self) -> float:
+            return 0.5
+
+        def __float__(self) -> float:
+            raise AssertionError("warns in PyTorch")
+
+    class Gives:
+        def loss(self, pictures: object, targets: object) -> tuple[object, object]:
+            return Tensor(), np.zeros((1, 3, 2, 2))
+
+    guest = _worker._Guest(Gives(), "mine:Gives")
+    answer, found, _ = _worker.call(guest, json.dumps({"method": "loss"}), [np.zeros((1, 3, 2, 2), np.float32)] * 2, b"")
+    assert json.loads(answer) == {"value": 0.5} and found[0].dtype == np.float32

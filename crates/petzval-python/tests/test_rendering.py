@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -225,3 +227,22 @@ def test_wrong_arguments_are_exceptions(triplet: pz.Lens) -> None:
     # Fields that do not begin on the axis are no bank of the renderer.
     with pytest.raises(pz.InputError, match="start at 0"):
         render(psfs_=pz.psf(triplet, fields_deg=[5.0, 10.0], grid=16, pitch_um=6.0))
+
+
+def test_psfs_that_cannot_be_turned_about_the_axis_are_refused(triplet: pz.Lens) -> None:
+    scene = np.ones((20, 24, 3))
+    below = pz.psf(triplet, fields_deg=[0.0, -8.0], grid=32, pitch_um=4.0, pupil_cells=16, pupil_error=10.0)
+    assert below.chief_mm[1, 1] < 0.0 < below.field_radius_mm[1]
+    uneven = replace(below, chief_mm=-below.chief_mm, rotationally_symmetric=False)
+    for bank, key in ((below, "psfs.chief_mm"), (uneven, "psfs.rotationally_symmetric")):
+        for use in (pz.render, pz.restore):
+            with pytest.raises(pz.InputError) as caught:
+                use(scene, bank, pixel_um=5.0, patches=(1, 1))
+            assert caught.value.place.key == key and caught.value.hint
+        with pytest.raises(pz.InputError, match=key):
+            pz.patches_for(bank, (20, 24), pixel_um=5.0)
+    # Turned by hand, they are those of the other side.
+    above = replace(below, values=below.values[..., ::-1, ::-1], chief_mm=-below.chief_mm)
+    other = pz.psf(triplet, fields_deg=[0.0, 8.0], grid=32, pitch_um=4.0, pupil_cells=16, pupil_error=10.0)
+    light = pz.render(picture(20, 24, 3), above, pixel_um=5.0, patches=(3, 3))
+    np.testing.assert_allclose(light, pz.render(picture(20, 24, 3), other, pixel_um=5.0, patches=(3, 3)), atol=1e-6)

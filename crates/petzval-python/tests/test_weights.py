@@ -260,3 +260,15 @@ def test_the_description_of_a_proxy_takes_weights_from_python(tmp_path: Path, tr
     pz.Weights.drawn("isp-proxy", parameters=3, base_channels=16, levels=1).save(tmp_path / "weights.safetensors")
     with pytest.raises(pz.InputError, match="belong together"):
         pz.jobs.run("isp-develop", {"raws": [raw], "isp": file, "out": tmp_path / "none"})
+
+
+def test_the_state_of_a_class_of_ones_own_is_named(tmp_path: Path) -> None:
+    camera = tmp_path / "run/cameras/nominal"
+    state = camera / "blocks/network/weights.bin"
+    state.parent.mkdir(parents=True)
+    state.write_bytes(b"what save gave")
+    (tmp_path / "run/config.toml").write_text('[network]\nkind = "python"\n')
+    for path, camera_name in ((tmp_path / "run", None), (tmp_path / "run", "nominal"), (camera, None), (state, None)):
+        with pytest.raises(pz.InputError, match="its network is a class in Python") as caught:
+            pz.Weights.load(path, camera=camera_name)
+        assert str(state) in caught.value.hint and "`save`" in caught.value.hint

@@ -12,4 +12,5 @@ mod schema_check;
 mod schemas;
 mod table;
 mod values;
+mod weights;
 mod whole_table;

@@ -159,3 +159,14 @@ fn the_device_of_a_call_is_that_of_its_job_and_messages_name_keys() {
     let error = run(Call::new("lens-convert", json!({"from": "cooke-triplet-nominal", "to": to})));
     assert!(hint(&error).contains("\"overwrite\": true"), "{}", hint(&error));
 }
+
+#[test]
+fn the_keys_of_a_request_and_where_to_read_more_are_two_clauses() {
+    let call = |request: Value| row("design").unwrap().filled_in(request).unwrap_err();
+    let unknown = call(json!({"run": {"new": {"experiment": "x", "variant": "nominal"}}}));
+    let more = "`petzval schema job design` prints what a request may hold";
+    let keys = hint(&unknown).strip_suffix(&format!("; {more}")).map(str::to_owned);
+    assert!(keys.is_some_and(|keys| keys.ends_with(char::is_alphabetic)), "{}", hint(&unknown));
+    let misspelt = call(json!({"runs": {}}));
+    assert!(hint(&misspelt).ends_with(&format!("? {more}")), "{}", hint(&misspelt));
+}

@@ -172,10 +172,12 @@ def _array(given: Any) -> NDArray[np.float32]:
     if given is None:
         raise _Answer("gives NoneType, not an array of real numbers")
     try:
-        if np.iscomplexobj(given):
-            raise TypeError("they are complex")
+        array = np.asarray(given)
+        # Texts and truth values would become numbers that nobody meant.
+        if array.dtype.kind in "USObcmM":
+            raise TypeError(f"they are of type {array.dtype}")
         with np.errstate(over="ignore"):
-            return np.ascontiguousarray(given, dtype=np.float32)
+            return np.ascontiguousarray(array, dtype=np.float32)
     except (TypeError, ValueError, RuntimeError) as error:
         raise _Answer(f"gives {type(given).__name__}, not an array of real numbers: {error}") from None
 
@@ -183,7 +185,10 @@ def _array(given: Any) -> NDArray[np.float32]:
 def _number(given: Any) -> float | str:
     """A number as JSON has it; one that is not finite as text."""
     try:
-        number = float(given)
+        if isinstance(given, str | bytes):
+            raise TypeError("a text")
+        # A tensor that requires a gradient would warn.
+        number = float(given.detach() if hasattr(given, "detach") else given)
     except (TypeError, ValueError):
         raise _Answer(f"gives {type(given).__name__} in place of a number") from None
     return number if math.isfinite(number) else str(number)

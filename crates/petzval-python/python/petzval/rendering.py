@@ -21,6 +21,9 @@ __all__ = ["Distortion", "FieldPsfs", "HasPsfs", "Wiener", "blend_error", "patch
 
 Picture = NDArray[np.float32]
 
+ON_AXIS_MM = 1e-9
+"""Image points closer to the axis than this lie on it, mm."""
+
 
 class HasPsfs(Protocol):
     """PSFs of a rotationally symmetric lens by image radius: a `PsfBank`, or `FieldPsfs` of one's own.
@@ -281,6 +284,21 @@ def blend_error(
         return _renderer(psfs, shape, pixel_um, patches, None, watching).blend_error(watching)
 
 
+def check_azimuth(psfs: HasPsfs) -> None:
+    """Fails if the PSFs of all azimuths are not these, turned about the axis from +y.
+
+    Raises:
+        InputError: The lens is not rotationally symmetric, or a field lies below the axis.
+    """
+    if not getattr(psfs, "rotationally_symmetric", True):
+        message = "the PSFs of one azimuth are turned about the axis, which these do not allow"
+        raise setting("psfs.rotationally_symmetric", "False", message, "take PSFs of a rotationally symmetric lens")
+    chief_mm = getattr(psfs, "chief_mm", None)
+    if isinstance(chief_mm, np.ndarray) and (chief_mm[:, 1] < -ON_AXIS_MM).any():
+        message, hint = "a field below the axis: its rows run towards the axis", "take the field on the other side of the axis"
+        raise setting("psfs.chief_mm", f"{chief_mm[:, 1].min():g}", message, hint)
+
+
 def _renderer(
     psfs: HasPsfs,
     shape: tuple[int, ...],
@@ -291,6 +309,7 @@ def _renderer(
 ) -> _petzval.Renderer:
     if not all(hasattr(psfs, of) for of in ("values", "illumination", "field_radius_mm", "pitch_um")):
         raise setting("psfs", type(psfs).__name__, "holds no PSFs", "a petzval.PsfBank, such as petzval.psf(lens), or petzval.FieldPsfs")
+    check_azimuth(psfs)
     pixel_um = real("pixel_um", pixel_um, "the pixel pitch in um")
     height, width = _pair("shape", shape)
     number = None if patches is None else _pair("patches", patches)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import tomllib
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
@@ -30,6 +31,7 @@ _FILES = ("network.safetensors", "weights.safetensors")
 
 # What a run goes on with, in the folder of the block of its network.
 _CHECKPOINT = "weights.bin"
+_STATE = f"blocks/network/{_CHECKPOINT}"
 
 
 class Weights:
@@ -264,6 +266,20 @@ def _array(key: str, value: ArrayLike) -> Array:
         return np.ascontiguousarray(array, dtype=np.float32).reshape(array.shape)
 
 
+def _is_own_class(folder: Path) -> bool:
+    """Whether the network of a camera's folder is a class of the user, of which a run keeps what `petzval.guest.Network.save` gave."""
+    try:
+        network = tomllib.loads((folder.parent.parent / "config.toml").read_text(encoding="utf-8"))["network"]
+    except (OSError, ValueError, KeyError):
+        return False
+    return isinstance(network, dict) and network.get("kind") == "python" and (folder / _STATE).is_file()
+
+
+def _own_class(folder: Path) -> InputError:
+    hint = f"{folder / _STATE} holds the bytes that `save` of the class gave: its `load` takes them"
+    return InputError(f"{folder}: its network is a class in Python, not one of Petzval", place=Place(path=folder, key="path"), hint=hint)
+
+
 def _file(path: Path, camera: str | None) -> Path:
     """The file of weights that a path stands for."""
     cameras = path / "cameras"
@@ -274,14 +290,21 @@ def _file(path: Path, camera: str | None) -> Path:
         made = sorted(folder.name for folder in cameras.iterdir() if (folder / _FILES[0]).is_file())
         if camera is None and len(made) == 1:
             camera = made[0]
+        own = sorted(folder.name for folder in cameras.iterdir() if _is_own_class(folder))
+        if camera in own or (camera is None and len(own) == 1 and not made):
+            raise _own_class(cameras / (camera or own[0]))
         if camera not in made:
             found = ", ".join(made) or "none yet"
             hint = f"cameras with a network are: {found}"
             raise InputError(f"{path}: camera is {camera!r}", place=Place(path=path, key="camera", value=repr(camera)), hint=hint)
         return cameras / camera / _FILES[0]
     file: Path = next((path / name for name in _FILES if (path / name).is_file()), path)
+    if file == path and _is_own_class(path):
+        raise _own_class(path)
     checkpoint = file / _CHECKPOINT if file.is_dir() else file
     if checkpoint.name == _CHECKPOINT and checkpoint.is_file():
+        if _is_own_class(checkpoint.parent.parent.parent):
+            raise _own_class(checkpoint.parent.parent.parent)
         hint = f"the same weights are in {_FILES[0]} in the folder of the camera: petzval.Weights.load(RUN, camera=NAME)"
         raise InputError(f"{checkpoint}: is what a run goes on with", place=Place(path=checkpoint, key="path"), hint=hint)
     return file

@@ -8,6 +8,7 @@ from petzval._watch import watch
 
 torch = pytest.importorskip("torch")
 
+import petzval.torch as pt  # noqa: E402
 from petzval.torch import illumination_map, project, render, restore  # noqa: E402
 
 TOLERANCE = 1e-5
@@ -204,3 +205,23 @@ def test_wrong_arguments_are_exceptions() -> None:
             call(border=border, shape=shape)
     with pytest.raises(pz.InputError, match="border"):
         call(border=2, shape=(20, 24), distortion=BARREL)
+
+
+def test_fields_that_do_not_ascend_from_the_axis_are_refused(triplet: pz.Lens) -> None:
+    bank, scene = psfs(3, 3), batch(picture(20, 24, 3))
+    for radius in ([0.0, 0.2, 0.1], [0.0, 0.1, 0.1], [0.1, 0.2, 0.3], [0.0, -0.1, -0.2], [0.0, 0.1, float("nan")]):
+        for given in (np.array(radius), torch.tensor(radius)):
+            with pytest.raises(pz.InputError, match="do not ascend from 0"):
+                render(scene, pz.FieldPsfs(bank.values, given, bank.pitch_um, bank.illumination), pixel_um=5.0, patches=(3, 3))
+    glass = pt.Lens(triplet)
+    how = {"grid": np.int64(16), "pitch_um": np.float32(8.0), "pupil_cells": 12}
+    for fields in ([14.0, 7.0, 0.0], [7.0, 14.0], [0.0, -7.0], [0.0, 7.0, 7.0]):
+        with pytest.raises(pz.InputError, match="do not ascend from 0") as caught, torch.no_grad():
+            pt.render(scene, glass.psf(fields_deg=fields, **how), pixel_um=5.0, patches=(1, 1))
+        assert caught.value.place.key == "psfs.fields_deg"
+    # One PSF stands for the whole picture, whatever its field.
+    with torch.no_grad():
+        alone = glass.psf(fields_deg=[7.0], **how)
+        assert pt.render(scene, alone, pixel_um=5.0, patches=(1, 1)).shape == scene.shape
+        with pytest.raises(pz.InputError, match="rotationally symmetric"):
+            pt.render(scene, alone._replace(rotationally_symmetric=False), pixel_um=5.0, patches=(1, 1))

@@ -47,6 +47,7 @@ mod text_table;
 mod train;
 mod unit;
 mod watcher;
+mod weights;
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -130,6 +131,8 @@ enum Verb {
     Apply(apply::Args),
     #[command(about = "Find objects in pictures by the detector of a camera, or by weights of torchvision")]
     Detect(detect::Args),
+    #[command(about = "List the weights of a network by name, and write them to a file")]
+    Weights(weights::Args),
     /// Convert data sets for object detection, and check them
     #[command(subcommand)]
     Data(data::DataVerb),
@@ -222,6 +225,7 @@ fn run(cli: Cli, words: Vec<OsString>) -> Result<Code, Failure> {
         Verb::Isp(verb) => isp::run(verb, &terminal),
         Verb::Apply(args) => apply::run(args, &terminal),
         Verb::Detect(args) => detect::run(args, &terminal),
+        Verb::Weights(args) => weights::run(args, &terminal),
         Verb::Data(verb) => data::run(verb, &terminal),
         Verb::Train(verb) => train::run(verb, &terminal),
         Verb::Unit(verb) => unit::run(verb, &terminal),

@@ -26,6 +26,11 @@ from .._errors import InputError, Place
 from .._watch import watch
 from ..lens import DesignSpace
 
+_NO_SECOND = (
+    "a lens of petzval.torch has no second derivatives: leave out create_graph=True, torch.func.hessian and the like for its coordinates; "
+    "petzval.torch.LevenbergMarquardt takes steps by curvature without them"
+)
+
 _SPACES: weakref.WeakValueDictionary[int, DesignSpace] = weakref.WeakValueDictionary()
 _KEYS: weakref.WeakKeyDictionary[DesignSpace, int] = weakref.WeakKeyDictionary()
 _NEXT = count(1)
@@ -192,7 +197,7 @@ class _First(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, by: Tensor) -> Any:
-        raise NotImplementedError("second derivatives by the coordinates of a lens")
+        raise NotImplementedError(_NO_SECOND)
 
 
 class _LensNumbers(torch.autograd.Function):
@@ -260,7 +265,7 @@ class _PsfBackward(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, by: Tensor) -> Any:
-        raise NotImplementedError("second derivatives of PSFs by the lens")
+        raise NotImplementedError(_NO_SECOND)
 
 
 class _Psf(torch.autograd.Function):
@@ -286,7 +291,7 @@ class _Psf(torch.autograd.Function):
 class _PsfForward(_Psf):
     @staticmethod
     def jvp(ctx: Any, *by: Any) -> Any:
-        raise NotImplementedError("PSFs have no forward derivative: use backward, torch.func.grad, vjp or jacrev")
+        raise NotImplementedError("PSFs have no forward derivative: use backward, torch.func.grad, vjp or jacrev; the slope of a loss along u is torch.func.grad(loss)(x) @ u")
 
 
 LENS_NUMBERS.function, LENS_PENALTY.function = _LensNumbers, _LensPenalty

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from .._errors import InputError, Place
-from ..rendering import HasPsfs, _pair
+from ..rendering import ON_AXIS_MM, HasPsfs, _pair, check_azimuth
 
 MOST_SIDE, MOST_PATCHES, MOST_RADIUS = 65536, 256, 512
 
@@ -107,7 +107,8 @@ class FieldTensors:
 
     @classmethod
     def of(cls, psfs: HasPsfs, like: Tensor) -> FieldTensors:
-        """Checks shapes; values are not looked at."""
+        """Checks shapes and the order of the fields; values are not looked at."""
+        check_azimuth(psfs)
         values, light = (torch.as_tensor(of).to(like.device, like.dtype) for of in (psfs.values, psfs.illumination))
         radius = _radius_mm(psfs).to(like.device, wide(like.device))
         colours = like.shape[1]
@@ -119,6 +120,7 @@ class FieldTensors:
         pitch_um = float(psfs.pitch_um)
         if not 0.0 < pitch_um < math.inf:
             raise wrong("pitch_um", pitch_um, "is not positive", "size of a cell in um")
+        _check_outwards(psfs)
         return cls(values, light, radius, pitch_um)
 
     def bracket(self, radius_mm: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -273,6 +275,26 @@ def grid_of(shape: tuple[int, ...], pixel_um: float, patches: tuple[int, int]) -
 def wrong(name: str, value: object, message: str, hint: str) -> InputError:
     """The error of an argument."""
     return InputError(f"{name} {value}: {message}", message=message, place=Place(key=name, value=str(value)), hint=hint, kind="setting")
+
+
+def _check_outwards(psfs: Any) -> None:
+    """Fails if there are several fields whose image radii do not ascend from 0: none would lie between its neighbours.
+
+    Of a lens that moves its field angles are looked at, which ``torch.compile`` and ``torch.func`` know; other radii are looked at outside of these.
+    """
+    hint = "begin on the axis, and let each field lie further out than the last"
+    if isinstance(psfs, tuple):
+        fields: tuple[float, ...] = psfs.fields_deg  # type: ignore[attr-defined]
+        if len(fields) > 1 and (fields[0] != 0.0 or any(later <= field for field, later in zip(fields, fields[1:]))):
+            raise wrong("psfs.fields_deg", fields, "do not ascend from 0", hint)
+        return
+    radius = _radius_mm(psfs)
+    if torch.compiler.is_compiling() or torch._C._functorch.is_functorch_wrapped_tensor(radius) or radius.device.type == "meta":
+        return
+    found = radius.detach().cpu()
+    # Differences of gradients move the axis a little.
+    if len(found) > 1 and not (abs(float(found[0])) <= 1e-3 * abs(float(found[-1])) and bool((found.diff() > 0.0).all())):
+        raise wrong("psfs.field_radius_mm", found.tolist(), "do not ascend from 0", hint)
 
 
 def _radius_mm(psfs: Any) -> Tensor:

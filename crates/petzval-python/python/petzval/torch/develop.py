@@ -143,7 +143,7 @@ class _Backward(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, *cotangents: Tensor) -> Any:
-        raise NotImplementedError("petzval: second derivatives of a development")
+        raise NotImplementedError("petzval.torch.develop has no second derivatives: leave out create_graph=True, torch.func.hessian and the like")
 
 
 class _Forward(torch.autograd.Function):

@@ -7,9 +7,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
+from .. import _petzval
 from .._errors import InputError, Place
 from ..lens import DesignSpace
 from ..lens import Lens as PlainLens
@@ -33,6 +35,7 @@ class Psfs(NamedTuple):
         wavelengths_um: Wavelengths, um.
         pitch_um: Size of a cell, um.
         kind: ``"geometric"`` (rays) or ``"diffraction"`` (waves).
+        rotationally_symmetric: Whether the PSFs of other azimuths are these, turned: only then `render` and `restore` take them.
     """
 
     values: Tensor
@@ -43,6 +46,7 @@ class Psfs(NamedTuple):
     wavelengths_um: tuple[float, ...]
     pitch_um: float
     kind: Kind
+    rotationally_symmetric: bool = True
 
     @property
     def field_radius_mm(self) -> Tensor:
@@ -98,6 +102,7 @@ class Lens(nn.Module):
         self._title = lens.name
         self._fields_deg = tuple(lens.fields_deg.tolist())
         self._wavelengths_um = tuple(lens.wavelengths_um.tolist())
+        self._is_symmetric = _petzval.is_rotationally_symmetric(lens._core)
         self._cut: Cut | None = None
         self.x = nn.Parameter(torch.from_numpy(self.space.coordinates_of(lens)))
 
@@ -130,18 +135,18 @@ class Lens(nn.Module):
         if not isinstance(kind, str):
             raise _wrong("kind", kind, "\"geometric\" or \"diffraction\"")
         for name, cells in (("grid", grid), ("pupil_cells", pupil_cells)):
-            if not isinstance(cells, int):
+            if isinstance(cells, bool) or not isinstance(cells, (int, np.integer)):
                 raise _wrong(name, cells, "a whole number")
-        if not isinstance(pitch_um, (int, float)):
+        if isinstance(pitch_um, bool) or not isinstance(pitch_um, (int, float, np.integer, np.floating)):
             raise _wrong("pitch_um", pitch_um, "a number, um")
-        plan = (self._key, list(fields), list(colours), grid, float(pitch_um), kind, pupil_cells)
+        plan = (self._key, list(fields), list(colours), int(grid), float(pitch_um), kind, int(pupil_cells))
         if self._cut is None:
             numbers = _ops.lens_numbers(self._x_on_cpu(), self._key)
         else:
             numbers = self._cut.numbers
             self._cut.plans.append(plan)
         values, light, chief_mm, captured = (tensor.to(self.x.device) for tensor in _ops.psf(numbers, plan))
-        return Psfs(values, light, chief_mm, captured, fields, colours, float(pitch_um), kind)
+        return Psfs(values, light, chief_mm, captured, fields, colours, float(pitch_um), kind, self._is_symmetric)
 
     def forward(self, **options: Any) -> Psfs:
         """`psf`, so that ``torch.func.functional_call`` and hooks of modules apply."""

@@ -17,7 +17,7 @@ pub static GROUPS: &[Group] = &[
     Group {
         page: "design",
         title: "Experiments and runs",
-        verbs: &["design", "init", "experiment", "evaluate", "report", "compare", "apply"],
+        verbs: &["design", "init", "experiment", "evaluate", "report", "compare", "apply", "weights"],
         more_jobs: &[],
     },
     Group { page: "lens", title: "Lenses", verbs: &["lens"], more_jobs: &[] },
