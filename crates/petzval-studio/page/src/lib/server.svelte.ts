@@ -105,11 +105,11 @@ export class Server {
   }
 }
 
-/** What a live channel asks for, and what becomes of the answer. */
+/** What a live channel asks for, and what becomes of the answer and of the warnings before it. */
 export interface LiveCall<T> {
   job: string;
   request: object;
-  done: (response: T) => void;
+  done: (response: T, warnings: string[]) => void;
   failed?: (error: CallError) => void;
 }
 
@@ -145,14 +145,19 @@ export class Live {
       const { job, request, done, failed } = this.#newest;
       this.#newest = undefined;
       const began = performance.now();
+      const warnings: string[] = [];
+      const onEvent = (event: JobEvent) => {
+        if (event.event === "warning") warnings.push(event.text);
+      };
       try {
-        const options = this.channel === undefined ? {} : { live: this.channel };
+        const options = this.channel === undefined ? { onEvent } : { live: this.channel, onEvent };
         const response = await this.server.call<never>(job, request, options);
-        done(response);
+        done(response, warnings);
         this.#measure(began);
       } catch (error) {
         if (error instanceof CallError) failed?.(error);
-        else throw error;
+        // A fault of the page is one of this answer: the channel goes on with the next.
+        else reportError(error);
       }
     }
     this.#busy = false;

@@ -26,6 +26,19 @@ export interface Notice {
   kind: "error" | "warning" | "info";
   text: string;
   details?: string[];
+  /** What one may do about it. */
+  action?: { name: string; run: () => void };
+}
+
+/** What a tab holds of a lens, also when it is loaded again. */
+interface Kept {
+  steps: Step[];
+  at: number;
+  before: string;
+  saved: string;
+  savedAs: string;
+  /** The first lens that the studio was started with, as text; another one after a start with another lens. */
+  named?: string;
 }
 
 /** Most states that are kept. */
