@@ -1,9 +1,10 @@
 // What the page says beside its figures, and what it keeps: warnings, refusals, unsaved changes, the settings of rooms, jobs at work.
 
 import assert from "node:assert/strict";
+import { execFileSync } from "node:child_process";
 import { writeFileSync } from "node:fs";
 import { join } from "node:path";
-import { startStudio } from "./browser.mjs";
+import { PETZVAL, startStudio } from "./browser.mjs";
 
 /** Adds the tests; `kit` holds what those of the other file use. */
 export function saidAndKept(test, { open, tab, exact, toml, steps }) {
@@ -173,6 +174,37 @@ export function saidAndKept(test, { open, tab, exact, toml, steps }) {
     assert.equal(await columns(), before);
     await drop(page, "half.toml", half);
     await page.waitForFunction((before) => Number(document.body.innerText.match(/(\d+) × \d+ pixels of/)?.[1] ?? before) < 0.6 * before, before);
+    assert.deepEqual(errors, []);
+  });
+
+  test("tolerances: the figures of the command, and the worst lens on a click", async (studio) => {
+    const { page, errors } = await open(studio);
+    const panel = page.getByRole("region", { name: "Tolerances" });
+    await panel.getByLabel("Lenses").fill("20");
+    await panel.getByLabel("Limit of the merit").fill("13");
+    await panel.getByRole("button", { name: "Make lenses" }).click();
+    const found = page.getByTestId("tolerances");
+    await found.waitFor();
+    const [said, before] = [await found.innerText(), await toml(page)];
+    writeFileSync(join(studio.folder, "own.toml"), before);
+    const words = ["lens", "tolerance", "own.toml", "--grade", "precision", "--trials", "20", "--limit", "13", "--json"];
+    const report = JSON.parse(execFileSync(PETZVAL, words, { cwd: studio.folder, encoding: "utf8" }));
+    const { mean, yield_at_limit, worst } = report.monte_carlo;
+    for (const [value, digits] of [
+      [report.nominal, 4],
+      [mean, 4],
+      [worst[0].merit, 4],
+    ]) {
+      assert.ok(said.includes(String(Number(value.toPrecision(digits)))), `${value} in ${said}`);
+    }
+    assert.ok(said.includes(`${(100 * yield_at_limit).toFixed(1)} % reach 13`), `${yield_at_limit} in ${said}`);
+    await found.getByRole("button", { name: `lens ${worst[0].trial},` }).click();
+    await at(page, 1);
+    assert.notEqual(await toml(page), before);
+    await page.getByText("of a lens before").waitFor();
+    await page.getByRole("button", { name: "Undo" }).click();
+    await at(page, 0);
+    assert.equal(await toml(page), before);
     assert.deepEqual(errors, []);
   });
 
