@@ -177,6 +177,17 @@ export function saidAndKept(test, { open, tab, exact, toml, steps }) {
     assert.deepEqual(errors, []);
   });
 
+  test("what is wrong in a file is named with its line, key and value", async (studio) => {
+    const { page, errors } = await open(studio);
+    writeFileSync(join(studio.folder, "wrong.toml"), 'name = "Wrong"\nlens = "nolens.toml"\n');
+    await tab(page, "Design").click();
+    const name = page.getByRole("combobox", { name: /^experiment/ });
+    await name.fill("wrong.toml");
+    await name.press("Enter");
+    await page.getByText(/wrong\.toml:2\b.*`lens = "?nolens\.toml"?`: neither a file nor built in/).waitFor();
+    assert.deepEqual(errors, []);
+  });
+
   test("tolerances: the figures of the command, and the worst lens on a click", async (studio) => {
     const { page, errors } = await open(studio);
     const panel = page.getByRole("region", { name: "Tolerances" });

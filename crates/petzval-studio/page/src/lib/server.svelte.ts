@@ -1,6 +1,6 @@
 // The WebSocket to the server: calls with their answers, and live channels with one call in flight.
 
-import type { ErrorReport, JobEvent } from "./types";
+import type { ErrorReport, JobEvent, Place } from "./types";
 
 /** A call that failed, with what the server says of it. */
 export class CallError extends Error {
@@ -8,11 +8,26 @@ export class CallError extends Error {
     super(report.message);
   }
 
-  /** Message and hint, for a reader. */
+  /** Place, message and hint, for a reader. */
   get text(): string {
+    return `${whereOf(this.report.place ?? {})}${this.plain}`;
+  }
+
+  /** Message and hint alone, for what stands beside the very value. */
+  get plain(): string {
     const { message, hint } = this.report;
     return hint ? `${message} (${hint})` : message;
   }
+}
+
+/** What a message is about: file, line and column, key and value, as far as they are known. */
+function whereOf({ path, line, column, key, value }: Place): string {
+  const file = path && [path, line, column].filter((part) => part !== undefined).join(":");
+  const what = [key, value].filter(Boolean).join(" = ");
+  return [file, what && `\`${what}\``]
+    .filter(Boolean)
+    .map((part) => `${part}: `)
+    .join("");
 }
 
 interface Waiting {

@@ -196,6 +196,7 @@ export interface ErrorReport {
 export interface Place {
   path?: string;
   line?: number;
+  column?: number;
   key?: string;
   value?: string;
 }
