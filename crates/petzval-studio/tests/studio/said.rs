@@ -122,8 +122,11 @@ fn a_view_says_what_its_figures_leave_out() {
         view["problems"].to_string()
     };
     assert!(of(CASSEGRAIN).contains("no obscurations"), "{}", of(CASSEGRAIN));
-    let biconic = CASSEGRAIN
-        .replacen("TYPE STANDARD\n  CURV -0.005\n  CONI -1", "TYPE BICONICX\n  CURV -0.005\n  CONI -1\n  PARM 1 -210\n  PARM 2 -1", 1);
+    let biconic = CASSEGRAIN.replacen(
+        "TYPE STANDARD\n  CURV -0.005\n  CONI -1",
+        "TYPE BICONICX\n  CURV -0.005\n  CONI -1\n  PARM 1 -210\n  PARM 2 -1",
+        1,
+    );
     assert_ne!(biconic, CASSEGRAIN);
     assert!(of(&biconic).contains("not rotationally symmetric"), "{}", of(&biconic));
 }
