@@ -149,6 +149,27 @@ pub(super) fn out_of_focus(name: &str, lens: &Lens) -> Option<String> {
 
 /// [`out_of_focus`] for verbs that have no choice of the focus.
 pub(crate) fn focus_elsewhere(name: &str, lens: &Lens) -> Option<String> {
+    let Defocus { moved_mm, rms_spot_um: here, best_rms_spot_um: there } = defocus(lens)?;
+    Some(format!(
+        "out of focus: the RMS spot over the fields is {here:.1} um, and {there:.1} um where the image plane lies {moved_mm:+.4} mm further; \
+         `petzval lens focus {} OUT.toml` writes the lens with its image plane there",
+        pasted(Path::new(name))
+    ))
+}
+
+/// An image plane so far from the best focus that spots and modulation show little else.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Defocus {
+    /// From the image plane to the best focus, mm; positive is further from the last vertex along the axis.
+    pub moved_mm: f64,
+    /// RMS spot radius over fields and wavelengths in the image plane, um.
+    pub rms_spot_um: f64,
+    /// The same at best focus, um.
+    pub best_rms_spot_um: f64,
+}
+
+/// The defocus of a lens; `None` if it is in focus, has no focus, or blurs by diffraction more than by defocus.
+pub(super) fn defocus(lens: &Lens) -> Option<Defocus> {
     if no_image(lens).is_some() {
         return None;
     }
@@ -164,12 +185,10 @@ pub(crate) fn focus_elsewhere(name: &str, lens: &Lens) -> Option<String> {
         return None;
     }
     let moved_mm = best.image_distance_mm() - lens.image_distance_mm();
-    (there < OUT_OF_FOCUS * here && here > airy_um).then(|| {
-        format!(
-            "out of focus: the RMS spot over the fields is {here:.1} um, and {there:.1} um where the image plane lies {moved_mm:+.4} mm further; \
-             `petzval lens focus {} OUT.toml` writes the lens with its image plane there",
-            pasted(Path::new(name))
-        )
+    (there < OUT_OF_FOCUS * here && here > airy_um).then_some(Defocus {
+        moved_mm,
+        rms_spot_um: here,
+        best_rms_spot_um: there,
     })
 }
 

@@ -301,6 +301,22 @@ fn where_lost(lens: &Lens, field_rad: f64) -> String {
     }
 }
 
+/// Warns of mirrors that would stand in the light of others.
+pub(super) fn unshadowed(lens: &Lens) -> Option<String> {
+    let mirrors = lens.surfaces.iter().filter(|s| s.action == Action::Reflect && s.placement.is_none());
+    (mirrors.count() > 1)
+        .then(|| "a mirror in front of another takes no light from it: there are no obscurations".to_owned())
+}
+
+/// Warns of first-order figures that hold in one section only.
+pub(super) fn of_one_section(lens: &Lens) -> Option<String> {
+    (!lens.is_rotationally_symmetric()).then(|| {
+        "the lens is not rotationally symmetric: first-order figures and Seidel sums are those of its y-z section \
+         with every surface on the axis"
+            .to_owned()
+    })
+}
+
 /// Warns of what is odd about a lens that can be traced all the same.
 fn warnings(lens: &Lens, order: &FirstOrder, spots: &[Spots]) -> Vec<String> {
     let mut found = Vec::new();
@@ -319,11 +335,7 @@ fn warnings(lens: &Lens, order: &FirstOrder, spots: &[Spots]) -> Vec<String> {
             lens.entrance_pupil_mm, order.stop_radius_mm, stop.semi_diameter_mm
         ));
     }
-    if lens.surfaces.iter().filter(|s| s.action == Action::Reflect && s.placement.is_none()).count() > 1 {
-        found.push(
-            "a mirror in front of another takes no light from it: there are no obscurations".to_owned(),
-        );
-    }
+    found.extend(unshadowed(lens));
     let last = lens.surfaces.len() - 1;
     let direction = if lens.light_goes_forwards(last) { 1.0 } else { -1.0 };
     if order.image_distance_mm.is_finite() && order.image_distance_mm * direction < 0.0 {
@@ -351,13 +363,7 @@ fn warnings(lens: &Lens, order: &FirstOrder, spots: &[Spots]) -> Vec<String> {
                 .to_owned(),
         );
     }
-    if !lens.is_rotationally_symmetric() {
-        found.push(
-            "the lens is not rotationally symmetric: first-order figures and Seidel sums are those of its y-z section \
-             with every surface on the axis"
-                .to_owned(),
-        );
-    }
+    found.extend(of_one_section(lens));
     let reference = lens.at_wavelength(lens.reference_um);
     for (field_deg, spots) in lens.fields_deg.iter().zip(spots) {
         // A field that another program states as a height has all digits of an angle.

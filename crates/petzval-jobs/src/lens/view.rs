@@ -14,7 +14,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::edit::{Edit, Edited, edited};
+use super::focus::{Defocus, defocus};
 use super::optimize::Goal;
+use super::show::{of_one_section, unshadowed};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::glass::nd_and_vd;
@@ -102,8 +104,10 @@ pub struct Response {
     pub field_curves: Option<FieldCurves>,
     /// Why the lens cannot be built, and limits that it violates.
     pub violations: Vec<Violation>,
-    /// What could not be traced, and why.
+    /// What could not be traced, and why; and what the figures leave out.
     pub problems: Vec<String>,
+    /// How far the image plane lies from the best focus; `None` if the lens is in focus or has none, and in a quick view.
+    pub out_of_focus: Option<Defocus>,
     /// Records of its file that the lens does not represent.
     pub losses_of_reading: Vec<Loss>,
 }
@@ -212,7 +216,11 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let mut field_curves = Vec::new();
     keep(curves, &mut field_curves, &mut note);
     let lens = &file.lens;
+    problems.extend([unshadowed(lens), of_one_section(lens)].into_iter().flatten());
+    // A lens that cannot be built has no focus.
+    let is_whole = !request.quick && validate(lens).is_ok();
     Ok(Response {
+        out_of_focus: if is_whole { defocus(lens) } else { None },
         toml,
         surfaces: rows(&file),
         entrance_pupil_mm: lens.entrance_pupil_mm,

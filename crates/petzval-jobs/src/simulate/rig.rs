@@ -7,8 +7,8 @@ use petzval_camera::develop::develop;
 use petzval_camera::image::{CHANNELS, LinearImage};
 use petzval_camera::psf::PsfBank;
 use petzval_camera::render::{
-    Distortion, MAX_SIDE, Placement, RenderError, RenderGeometry, Window, kernel_radius, light_on_pixels,
-    with_patches_for,
+    BlendError, Distortion, MAX_SIDE, Placement, RenderError, RenderGeometry, Window, kernel_radius,
+    light_on_pixels, with_patches_for,
 };
 use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
 use petzval_design::camera::{Body, Camera, Labels, PsfSource, Psfs, Shot};
@@ -57,6 +57,28 @@ pub struct Rig {
     pub chip: Option<NamedIsp>,
     /// The lens and how its PSFs are traced; none behind given PSFs.
     pub traced: Option<(Lens, PsfPlan)>,
+}
+
+/// What to say of PSFs on so many pupil cells a side whose error is `error`; `None` if they are as accurate as scores need.
+pub(super) fn coarse_pupil(psf: &PsfConfig, cells: usize, error: f64) -> Option<String> {
+    let most = psf.scoring_pupil_error;
+    (error > most).then(|| {
+        format!("PSFs on {cells} pupil cells a side have an error of {error:.3} (L1), more than {most}")
+    })
+}
+
+/// What to say of patches that blend PSFs with an error of `blend`; `None` if they are as accurate as scores need.
+pub(super) fn coarse_patches(
+    psf: &PsfConfig,
+    geometry: &RenderGeometry,
+    blend: &BlendError,
+) -> Option<String> {
+    (blend.median > psf.scoring_blend_error).then(|| {
+        format!(
+            "the PSF changes so quickly over the sensor that {} x {} patches blend it with an error of {:.3} (L1, median), {:.3} at worst",
+            geometry.patches.0, geometry.patches.1, blend.median, blend.largest
+        )
+    })
 }
 
 impl Rig {
@@ -126,11 +148,7 @@ impl Rig {
                 // A picture is what a camera takes: even a lens without aberrations has its pupil.
                 let plan = PsfPlan { perfect_image: PerfectImage::AiryDisk, ..plan };
                 let (plan, error) = plan.converged(&lens, psf.scoring_pupil_error)?;
-                if error > psf.scoring_pupil_error {
-                    let (cells, most) = (plan.quadrature.cells, psf.scoring_pupil_error);
-                    let text = format!(
-                        "PSFs on {cells} pupil cells a side have an error of {error:.3} (L1), more than {most}"
-                    );
+                if let Some(text) = coarse_pupil(&psf, plan.quadrature.cells, error) {
                     context.warning(WarningKind::PsfError, text);
                 }
                 let source = PsfSource::Traced { lens: Box::new(lens.clone()), plan: plan.clone() };
@@ -149,11 +167,8 @@ impl Rig {
         }
         let (geometry, blend) =
             with_patches_for(&coarse, psfs.bank(), psf.scoring_blend_error).map_err(DesignError::from)?;
-        if blend.median > psf.scoring_blend_error {
-            context.warning(WarningKind::PsfError, format!(
-                "the PSF changes so quickly over the sensor that {} x {} patches blend it with an error of {:.3} (L1, median), {:.3} at worst",
-                geometry.patches.0, geometry.patches.1, blend.median, blend.largest
-            ));
+        if let Some(text) = coarse_patches(&psf, &geometry, &blend) {
+            context.warning(WarningKind::PsfError, text);
         }
         let border = kernel_radius(&geometry, &psfs.bank().layout()).map_err(DesignError::from)?;
         if let Some((lens, plan)) = traced.as_ref().filter(|_| !request.no_distortion) {

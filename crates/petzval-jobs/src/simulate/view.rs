@@ -14,11 +14,11 @@ use petzval_camera::isp::{Mesh, RawInput};
 use petzval_camera::render::{Placement, RenderGeometry, Window, kernel_radius, with_patches_for};
 use petzval_camera::sensor::{Colour, Exposure, SensorModel};
 use petzval_camera::spectral::{Illuminant, SceneKind, apply, d65_white, xyz_of_reflectance};
-use petzval_design::camera::{Body, Camera, Labels, PsfSource, Shot};
+use petzval_design::camera::{Body, Camera, Labels, PsfSource, Psfs, Shot};
 use petzval_design::error::DesignError;
 use petzval_design::experiment::PsfConfig;
 use petzval_design::lens::psf_plan::PsfPlan;
-use petzval_files::{load_image, load_image_bytes};
+use petzval_files::{Picture, load_image, load_image_bytes};
 use petzval_learn::Device;
 use petzval_optics::lens::Lens;
 use petzval_optics::psf::PerfectImage;
@@ -30,6 +30,7 @@ use super::chip::{MESH, picture};
 use super::display::display_bytes;
 use super::highlights::{Saturation, default_white_e};
 use super::request::scene_name;
+use super::rig::{coarse_patches, coarse_pupil};
 use super::shot::{Taken, noise};
 use crate::context::Context;
 use crate::error::JobError;
@@ -161,6 +162,8 @@ struct Kept {
     camera: Camera,
     fields: usize,
     cells: usize,
+    /// What is to be said of its PSFs with each of its pictures.
+    warnings: Vec<(WarningKind, String)>,
 }
 
 /// Takes and develops the window.
@@ -198,6 +201,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             exact_camera(&psf, &lens.file.lens, &sensor, exposure, context)
         }
     })?;
+    kept.warnings.iter().for_each(|(kind, text)| context.warning(*kind, text.clone()));
     let body = kept.camera.body();
     let window = window_at([x, y], [rows, columns], &sensor);
     let border =
@@ -303,7 +307,8 @@ fn quick_camera(
     let plan = PsfPlan { perfect_image: PerfectImage::AiryDisk, ..plan };
     let geometry = RenderGeometry { patches: QUICK_PATCHES, ..psf.geometry(sensor) };
     let psfs = PsfSource::Traced { lens: Box::new(lens.clone()), plan }.psfs()?;
-    kept((psfs, geometry), sensor, exposure, (QUICK_FIELDS, QUICK_CELLS))
+    let warnings = lost_light(&psf, &psfs).into_iter().collect();
+    kept((psfs, geometry), sensor, exposure, (QUICK_FIELDS, QUICK_CELLS), warnings)
 }
 
 /// The camera as pictures are scored.
@@ -316,23 +321,30 @@ fn exact_camera(
 ) -> Result<Kept, JobError> {
     let plan = psf.plan(sensor, psf.scoring_pupil_cells)?.with_fields(psf.scoring_fields);
     let plan = PsfPlan { perfect_image: PerfectImage::AiryDisk, ..plan };
-    let (plan, _) = plan.converged(lens, psf.scoring_pupil_error)?;
+    let (plan, error) = plan.converged(lens, psf.scoring_pupil_error)?;
     context.check(|| "stopped before the PSFs were traced")?;
     let sizes = (plan.field_radius_mm.len(), plan.quadrature.cells);
     let psfs = PsfSource::Traced { lens: Box::new(lens.clone()), plan }.psfs()?;
-    if let Some(lost) = psfs.captured().and_then(|captured| psf.lost_light(captured, None)) {
-        context.warning(WarningKind::LostLight, lost);
-    }
-    let (geometry, _) = with_patches_for(&psf.geometry(sensor), psfs.bank(), psf.scoring_blend_error)
+    let (geometry, blend) = with_patches_for(&psf.geometry(sensor), psfs.bank(), psf.scoring_blend_error)
         .map_err(DesignError::from)?;
-    kept((psfs, geometry), sensor, exposure, sizes)
+    let of_psfs = [coarse_pupil(psf, sizes.1, error), coarse_patches(psf, &geometry, &blend)];
+    let of_psfs = of_psfs.into_iter().flatten().map(|text| (WarningKind::PsfError, text));
+    let warnings = lost_light(psf, &psfs).into_iter().chain(of_psfs).collect();
+    kept((psfs, geometry), sensor, exposure, sizes, warnings)
+}
+
+/// What to say of PSFs whose grid cuts off light.
+fn lost_light(psf: &PsfConfig, psfs: &Psfs) -> Option<(WarningKind, String)> {
+    let lost = psf.lost_light(psfs.captured()?, None)?;
+    Some((WarningKind::LostLight, lost))
 }
 
 fn kept(
-    (psfs, geometry): (petzval_design::camera::Psfs, RenderGeometry),
+    (psfs, geometry): (Psfs, RenderGeometry),
     sensor: &SensorModel,
     exposure: Exposure,
     (fields, cells): (usize, usize),
+    warnings: Vec<(WarningKind, String)>,
 ) -> Result<Kept, JobError> {
     let body = Body {
         sensor: sensor.clone(),
@@ -345,7 +357,7 @@ fn kept(
         chip: None,
         device: Device::flex(),
     };
-    Ok(Kept { camera: Camera::new(Arc::new(body), Arc::new(psfs))?, fields, cells })
+    Ok(Kept { camera: Camera::new(Arc::new(body), Arc::new(psfs))?, fields, cells, warnings })
 }
 
 /// The light of a scene on a window and on the border that its PSFs reach into; and how many times the scene was enlarged.
@@ -362,7 +374,11 @@ fn scene(
         let drawn = context.kept().get_or(&key, || drawn(scene, window.height, window.width))?;
         return Ok((drawn.window_replicate(-(border as isize), -(border as isize), height, width), 1.0));
     }
-    let photo = context.kept().get_or(&format!("photo {name}"), || loaded(name, context))?;
+    let picture = context.kept().get_or(&format!("photo {name}"), || loaded(name, context))?;
+    for note in &picture.notes {
+        context.warning(WarningKind::Picture, format!("{name}: {note}"));
+    }
+    let photo = &picture.light;
     let covers = photo.height >= sensor.height && photo.width >= sensor.width;
     let (rows, columns) = if covers {
         (sensor.height, sensor.width)
@@ -384,7 +400,7 @@ fn scene(
 }
 
 /// A photograph by built-in name or by path.
-fn loaded(name: &str, context: &Context) -> Result<LinearImage, JobError> {
+fn loaded(name: &str, context: &Context) -> Result<Picture, JobError> {
     let built_in = || context.assets.bytes(&format!("photos/{name}.png")).ok();
     let picture = if !Path::new(name).exists()
         && let Some(bytes) = built_in()
@@ -393,11 +409,7 @@ fn loaded(name: &str, context: &Context) -> Result<LinearImage, JobError> {
     } else {
         load_image(Path::new(name))
     };
-    let picture = picture.map_err(DesignError::from)?;
-    for note in picture.notes {
-        context.warning(WarningKind::Picture, format!("{name}: {note}"));
-    }
-    Ok(picture.light)
+    Ok(picture.map_err(DesignError::from)?)
 }
 
 /// A built-in scene of matt surfaces in daylight, in linear light.

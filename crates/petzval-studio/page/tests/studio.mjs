@@ -8,6 +8,7 @@ import { existsSync, mkdirSync, mkdtempSync, readFileSync, writeFileSync } from 
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { PETZVAL, forget, servePage, slowness, startBrowser, startStudio } from "./browser.mjs";
+import { saidAndKept } from "./said-and-kept.mjs";
 
 const pictures = process.argv[2] ?? mkdtempSync(join(tmpdir(), "petzval-studio-pictures-"));
 mkdirSync(pictures, { recursive: true });
@@ -709,6 +710,8 @@ const unnamed = (page) =>
     const all = document.querySelectorAll("button, input, select, [role=slider], [role=img]");
     return [...all].filter((e) => !name(e)).map((e) => e.outerHTML.slice(0, 120));
   });
+
+saidAndKept(test, { open, tab, exact, toml, steps });
 
 const only = process.env.ONLY;
 let failed = 0;

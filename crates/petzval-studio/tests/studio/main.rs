@@ -3,4 +3,5 @@
 mod client;
 mod doors;
 mod edits;
+mod said;
 mod talk;

@@ -93,7 +93,8 @@ export class Form {
       if (!this.out) this.out = free(config);
     } catch (error) {
       if (!(error instanceof CallError)) throw error;
-      this.refuse(key, error.text, this.#keyOf(error, key));
+      // Beside its field a value needs no place.
+      this.refuse(key, key ? error.plain : error.text, this.#keyOf(error, key));
     }
   }
 

@@ -1,6 +1,6 @@
 // The WebSocket to the server: calls with their answers, and live channels with one call in flight.
 
-import type { ErrorReport, JobEvent } from "./types";
+import type { ErrorReport, JobEvent, Place } from "./types";
 
 /** A call that failed, with what the server says of it. */
 export class CallError extends Error {
@@ -8,11 +8,26 @@ export class CallError extends Error {
     super(report.message);
   }
 
-  /** Message and hint, for a reader. */
+  /** Place, message and hint, for a reader. */
   get text(): string {
+    return `${whereOf(this.report.place ?? {})}${this.plain}`;
+  }
+
+  /** Message and hint alone, for what stands beside the very value. */
+  get plain(): string {
     const { message, hint } = this.report;
     return hint ? `${message} (${hint})` : message;
   }
+}
+
+/** What a message is about: file, line and column, key and value, as far as they are known. */
+function whereOf({ path, line, column, key, value }: Place): string {
+  const file = path && [path, line, column].filter((part) => part !== undefined).join(":");
+  const what = [key, value].filter(Boolean).join(" = ");
+  return [file, what && `\`${what}\``]
+    .filter(Boolean)
+    .map((part) => `${part}: `)
+    .join("");
 }
 
 interface Waiting {
@@ -105,11 +120,11 @@ export class Server {
   }
 }
 
-/** What a live channel asks for, and what becomes of the answer. */
+/** What a live channel asks for, and what becomes of the answer and of the warnings before it. */
 export interface LiveCall<T> {
   job: string;
   request: object;
-  done: (response: T) => void;
+  done: (response: T, warnings: string[]) => void;
   failed?: (error: CallError) => void;
 }
 
@@ -145,14 +160,19 @@ export class Live {
       const { job, request, done, failed } = this.#newest;
       this.#newest = undefined;
       const began = performance.now();
+      const warnings: string[] = [];
+      const onEvent = (event: JobEvent) => {
+        if (event.event === "warning") warnings.push(event.text);
+      };
       try {
-        const options = this.channel === undefined ? {} : { live: this.channel };
+        const options = this.channel === undefined ? { onEvent } : { live: this.channel, onEvent };
         const response = await this.server.call<never>(job, request, options);
-        done(response);
+        done(response, warnings);
         this.#measure(began);
       } catch (error) {
         if (error instanceof CallError) failed?.(error);
-        else throw error;
+        // A fault of the page is one of this answer: the channel goes on with the next.
+        else reportError(error);
       }
     }
     this.#busy = false;

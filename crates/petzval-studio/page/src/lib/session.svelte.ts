@@ -4,7 +4,7 @@
 
 import { below } from "./paths";
 import { CallError, Live, server } from "./server.svelte";
-import type { Edit, First, Loss, Opened, State, View } from "./types";
+import type { Defocus, Edit, First, Loss, Opened, State, View } from "./types";
 
 /** A state of the lens, and what led to it. */
 interface Step {
@@ -26,6 +26,19 @@ export interface Notice {
   kind: "error" | "warning" | "info";
   text: string;
   details?: string[];
+  /** What one may do about it. */
+  action?: { name: string; run: () => void };
+}
+
+/** What a tab holds of a lens, also when it is loaded again. */
+interface Kept {
+  steps: Step[];
+  at: number;
+  before: string;
+  saved: string;
+  savedAs: string;
+  /** The first lens that the studio was started with, as text; another one after a start with another lens. */
+  named?: string;
 }
 
 /** Most states that are kept. */
@@ -48,6 +61,10 @@ class Session {
   /** Edits that are being dragged, on top of the present state. */
   dragged = $state.raw<Edit[]>([]);
   notice = $state.raw<Notice | undefined>();
+  /** What was said of the lens when it was last looked at. */
+  warnings = $state.raw<string[]>([]);
+  /** How far the lens of the last exact view is out of focus. */
+  outOfFocus = $state.raw<Defocus | undefined>();
   limits = $state<Limits>({ edge: 0.1, air: 0.05 });
   /** The state that pictures and figures are compared with. */
   before = $state.raw("");
@@ -68,7 +85,14 @@ class Session {
   #rest: ReturnType<typeof setTimeout> | undefined;
   #commits: Promise<boolean> = Promise.resolve(true);
   /** Number of the history: each lens that is opened begins one. */
-  #history = 0;
+  #history = $state(0);
+  /** The lens that the studio was started with. */
+  #named: string | undefined;
+
+  /** Grows with each lens that is opened. */
+  get history(): number {
+    return this.#history;
+  }
 
   get toml(): string {
     return this.steps[this.at]?.toml ?? "";
@@ -87,22 +111,32 @@ class Session {
     this.about = (await (await fetch("state")).json()) as State;
     server.connect();
     const kept = this.#kept();
-    if (kept) {
-      this.steps = kept.steps;
-      this.at = kept.at;
-      this.before = kept.before;
-      this.saved = kept.saved;
-      this.savedAs = kept.savedAs;
-      this.refresh();
-      return this.about.first;
-    }
     const first = this.about.opened[0];
-    if (first) this.open(first);
+    this.#named = first?.toml;
+    if (kept) this.#take(kept);
+    // Started with another lens than before: that one is shown, and the tab's own stays within reach.
+    if (first && first.toml !== kept?.named) this.open(first);
     return this.about.first;
   }
 
-  /** Opens a lens: a new history begins. */
+  #take({ steps, at, before, saved, savedAs }: Kept): void {
+    this.#history += 1;
+    this.steps = steps;
+    this.at = at;
+    this.before = before;
+    this.saved = saved;
+    this.savedAs = savedAs;
+    this.dragged = [];
+    this.maxFrequency = undefined;
+    this.outOfFocus = undefined;
+    this.#keep();
+    this.refresh();
+  }
+
+  /** Opens a lens: a new history begins. Changes that no file holds can be gone back to. */
   open({ name, toml, losses }: Opened): void {
+    const left = this.toml === this.saved ? undefined : this.#present();
+    const title = this.view?.name;
     this.#history += 1;
     this.steps = [{ toml, what: `open ${name}` }];
     this.at = 0;
@@ -111,7 +145,20 @@ class Session {
     this.savedAs = "";
     this.dragged = [];
     this.maxFrequency = undefined;
+    this.outOfFocus = undefined;
     this.notice = lossNotice(`${name}: what the lens does not represent of its file`, losses);
+    if (left) {
+      const action = {
+        name: "Go back to it",
+        run: () => {
+          this.notice = undefined;
+          this.#take(left);
+        },
+      };
+      const { text, details } = this.notice ?? {};
+      const unsaved = `the lens before${title ? `, ${title},` : ""} has changes that are not saved`;
+      this.notice = { kind: "warning", text: text ? `${unsaved}; ${text}` : unsaved, action, ...(details ? { details } : {}) };
+    }
     this.#keep();
     this.refresh();
   }
@@ -122,7 +169,9 @@ class Session {
       const read = await server.call<{ text: string; losses_of_reading: Loss[] }>("lens-edit", { lens });
       this.open({ name, toml: read.text, losses: read.losses_of_reading });
     } catch (error) {
-      this.#say(error);
+      if (!(error instanceof CallError)) throw error;
+      // A text that is sent has no name at the server.
+      this.notice = { kind: "error", text: error.text.replace(/lens \(inline\)(\.\w+)?/, name) };
     }
   }
 
@@ -245,11 +294,15 @@ class Session {
     channel.send<View>({
       job: "lens-view",
       request: this.#request(edits, quick),
-      done: (view) => {
+      done: (view, warnings) => {
         // The lens may have moved on meanwhile.
         if (toml !== this.toml || (edits.length > 0) !== (this.dragged.length > 0)) return;
-        if (!view.is_quick) this.difference = differenceOf(this.view, view);
+        if (!view.is_quick) {
+          this.difference = differenceOf(this.view, view);
+          this.outOfFocus = view.out_of_focus ?? undefined;
+        }
         this.view = view;
+        this.warnings = warnings;
         this.maxFrequency ??= view.mtf[0]?.frequency_per_mm.at(-1);
         if (quick && edits.length === 0) this.#exactLater();
       },
@@ -276,10 +329,9 @@ class Session {
 
   /** Keeps the states for this tab; a browser that is out of room keeps the last ones. */
   #keep(): void {
-    const { before, saved, savedAs } = this;
     for (const count of [MOST_STEPS, 50, 5]) {
       const from = Math.max(0, this.steps.length - count);
-      const kept = { steps: this.steps.slice(from), at: this.at - from, before, saved, savedAs };
+      const kept = { ...this.#present(), steps: this.steps.slice(from), at: this.at - from };
       if (kept.at < 0) continue;
       try {
         sessionStorage.setItem(STORE, JSON.stringify(kept));
@@ -290,7 +342,12 @@ class Session {
     }
   }
 
-  #kept(): { steps: Step[]; at: number; before: string; saved: string; savedAs: string } | undefined {
+  #present(): Kept {
+    const { steps, at, before, saved, savedAs } = this;
+    return { steps, at, before, saved, savedAs, ...(this.#named === undefined ? {} : { named: this.#named }) };
+  }
+
+  #kept(): Kept | undefined {
     try {
       const kept = JSON.parse(sessionStorage.getItem(STORE) ?? "null");
       return kept?.steps?.[kept.at]?.toml ? kept : undefined;

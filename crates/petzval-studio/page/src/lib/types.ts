@@ -131,6 +131,13 @@ export interface Loss {
   more: number;
 }
 
+/** An image plane far from the best focus. */
+export interface Defocus {
+  moved_mm: number;
+  rms_spot_um: number;
+  best_rms_spot_um: number;
+}
+
 export interface View {
   toml: string;
   name: string;
@@ -151,6 +158,7 @@ export interface View {
   field_curves: FieldCurves | null;
   violations: Violation[];
   problems: string[];
+  out_of_focus: Defocus | null;
   losses_of_reading: Loss[];
 }
 
@@ -188,6 +196,7 @@ export interface ErrorReport {
 export interface Place {
   path?: string;
   line?: number;
+  column?: number;
   key?: string;
   value?: string;
 }
