@@ -80,12 +80,16 @@ pub struct Response {
     pub entrance_pupil_mm: f64,
     /// From the object to the first vertex, mm; `None` for infinity.
     pub object_distance_mm: Option<f64>,
-    /// Wavelengths, um.
+    /// Wavelengths that are looked at, um.
     pub wavelengths_um: Vec<f64>,
+    /// All wavelengths of the lens, um.
+    pub stated_wavelengths_um: Vec<f64>,
     /// Wavelength of first-order properties and of the layout's rays, um.
     pub reference_um: f64,
-    /// Fields, degrees.
+    /// Fields that are looked at, degrees.
     pub fields_deg: Vec<f64>,
+    /// All fields of the lens, degrees.
+    pub stated_fields_deg: Vec<f64>,
     /// The focal length that a radius holds, mm.
     pub solved_efl_mm: Option<f64>,
     /// First-order data.
@@ -241,8 +245,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         losses_of_reading: losses,
         name: lens.name.clone(),
         source: lens.source.clone(),
+        stated_wavelengths_um: lens.wavelengths_um.clone(),
         wavelengths_um: shown.wavelengths_um,
         reference_um: lens.reference_um,
+        stated_fields_deg: lens.fields_deg.clone(),
         fields_deg: shown.fields_deg,
     })
 }

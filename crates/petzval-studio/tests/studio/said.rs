@@ -130,3 +130,17 @@ fn a_view_says_what_its_figures_leave_out() {
     assert_ne!(biconic, CASSEGRAIN);
     assert!(of(&biconic).contains("not rotationally symmetric"), "{}", of(&biconic));
 }
+
+/// A form that writes a list back has all of it.
+#[test]
+fn a_view_of_many_fields_shows_some_and_states_all() {
+    let fields: Vec<f64> = (0..25).map(|i| 0.5 * f64::from(i)).collect();
+    let edit = json!([{"edit": "fields", "fields_deg": fields}]);
+    let request = json!({"lens": LENS, "edits": edit, "parts": ["spots"], "quick": true});
+    let (view, _) = said(&context(), "lens-view", request);
+    assert_eq!(view["stated_fields_deg"], json!(fields));
+    assert_eq!(view["fields_deg"].as_array().unwrap().len(), 12);
+    assert_eq!(view["spots"].as_array().unwrap().len(), 12);
+    assert_eq!(view["stated_wavelengths_um"], view["wavelengths_um"]);
+    assert!(view["problems"].to_string().contains("of 25 fields, 12 are shown"), "{}", view["problems"]);
+}

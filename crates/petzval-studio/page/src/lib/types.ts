@@ -146,8 +146,10 @@ export interface View {
   entrance_pupil_mm: number;
   object_distance_mm: number | null;
   wavelengths_um: number[];
+  stated_wavelengths_um: number[];
   reference_um: number;
   fields_deg: number[];
+  stated_fields_deg: number[];
   solved_efl_mm: number | null;
   first_order: FirstOrder;
   is_quick: boolean;
