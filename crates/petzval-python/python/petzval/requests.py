@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any, Literal, TypedDict
 
-JobName = Literal['design', 'design-check', 'design-config', 'design-stop', 'run-view', 'task-view', 'init', 'experiment-list', 'experiment-show', 'experiment-run-all', 'schema', 'report', 'report-so-far', 'compare', 'evaluate', 'lens-show', 'lens-view', 'lens-edit', 'lens-trace', 'lens-analyze', 'lens-convert', 'lens-focus', 'lens-list', 'lens-optimize', 'lens-tolerance', 'glass-find', 'glass-list', 'glass-show', 'psf', 'psf-calibrate', 'psf-capture', 'sensor-list', 'sensor-show', 'sensor-capture', 'sensor-characterize', 'simulate', 'camera-view', 'photo-list', 'raw-show', 'raw-convert', 'raw-mtf', 'isp-show', 'isp-develop', 'isp-tune', 'isp-chart', 'apply', 'detect', 'data-convert', 'data-check', 'train-isp-proxy', 'train-optics-proxy', 'bench', 'doctor']
+JobName = Literal['design', 'design-check', 'design-config', 'design-stop', 'run-view', 'task-view', 'init', 'experiment-list', 'experiment-show', 'experiment-run-all', 'schema', 'report', 'report-so-far', 'compare', 'evaluate', 'lens-show', 'lens-view', 'lens-edit', 'lens-trace', 'lens-analyze', 'lens-convert', 'lens-focus', 'lens-list', 'lens-optimize', 'lens-tolerance', 'glass-find', 'glass-list', 'glass-show', 'psf', 'psf-calibrate', 'psf-capture', 'sensor-list', 'sensor-show', 'sensor-capture', 'sensor-characterize', 'simulate', 'camera-view', 'photo-list', 'raw-show', 'raw-convert', 'raw-mtf', 'isp-show', 'isp-develop', 'isp-tune', 'isp-chart', 'apply', 'detect', 'weights', 'data-convert', 'data-check', 'train-isp-proxy', 'train-optics-proxy', 'bench', 'doctor']
 """Every job."""
 
 
@@ -534,7 +534,7 @@ class TaskViewStart1Input2LensText2(TypedDict, total=False):
     """The text."""
 
 
-Init = TypedDict('Init', {'from': Any, 'lens': Any, 'out': Any, 'sensor': Any}, total=False)
+Init = TypedDict('Init', {'data': Any, 'from': Any, 'lens': Any, 'out': Any, 'photos': Any, 'sensor': Any}, total=False)
 
 
 class InitFromInput2ExperimentText1TomlText(TypedDict, total=False):
@@ -1428,10 +1428,11 @@ class LensAnalyze(TypedDict, total=False):
     """What to compute of a lens, and what to write.
 
     Files: one SVG for every `Picture`; `analysis.html`, all of them on one page; `analysis.json`, the data; the
-    curves as CSV. Fields and wavelengths are those of the lens file, 31 of each at most; rays are aimed at the
-    real stop.
+    curves as CSV. Of fields and wavelengths 31 each are analysed at most; rays are aimed at the real stop.
 
     Needs `lens`."""
+    fields: list[float]
+    """Field angles, degrees; those of the lens if empty. Unit: degrees."""
     focus: Literal['file'] | Literal['paraxial'] | Literal['best']
     """Where the image plane goes."""
     frequency: float | None
@@ -1450,6 +1451,9 @@ class LensAnalyze(TypedDict, total=False):
     """Pixel pitch, um, 0.1 to 1000, in place of a sensor. Unit: um."""
     sensor: str | "LensAnalyzeSensor1Input22TomlText" | None
     """Sensor, by name, by path, or itself: its pixels' Nyquist frequency is marked in MTF curves."""
+    wavelengths: list[float]
+    """Wavelengths, um; those of the lens if empty. First-order properties stay those of the lens's reference
+    wavelength. Unit: um."""
 
 
 class LensAnalyzeLensInput2LensText1(TypedDict, total=False):
@@ -2889,6 +2893,23 @@ class DetectDetectorSource2WeightsWeights(TypedDict, total=False):
     """Most pixels that the longer side may have after that. Unit: pixels."""
     shorter_side: int
     """Pixels to which the shorter side of a picture is scaled before the detector looks. Unit: pixels."""
+
+
+class Weights(TypedDict, total=False):
+    """Weights to list, and to write to a file.
+
+    Needs `weights`."""
+    camera: str | None
+    """The camera of a run; it need not be named where one has weights."""
+    kind: str | None
+    """What the network is, where neither its weights nor their file say so, such as `segmenter`."""
+    names: Literal['petzval'] | Literal['torchvision']
+    """By which names the file has them."""
+    to: str | None
+    """The safetensors file to write; none to list the weights alone."""
+    weights: str
+    """The weights: a safetensors file, the folder of a run, of a camera or of a proxy, or a built-in name such as
+    `restoration_naf`."""
 
 
 class DataConvert(TypedDict, total=False):
