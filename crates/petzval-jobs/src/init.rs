@@ -16,11 +16,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::design::with_pictures;
 use crate::error::JobError;
 use crate::event::WarningKind;
 use crate::input::{ExperimentInput, Inline, Input, LensInput, SensorInput};
 use crate::own_lens::{OwnLens, own_lens};
+use crate::own_pictures::with_pictures;
 use crate::results::check_folder;
 
 /// Names of the files.

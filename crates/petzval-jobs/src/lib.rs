@@ -43,6 +43,7 @@ pub mod lens;
 pub mod machine;
 mod named_isp;
 mod own_lens;
+mod own_pictures;
 mod panic_place;
 pub mod photos;
 pub mod pinhole;

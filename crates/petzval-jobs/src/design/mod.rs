@@ -37,6 +37,7 @@ use crate::init;
 use crate::input::ExperimentInput;
 use crate::machine::environment;
 use crate::own_lens::{is_lens, own_lens};
+use crate::own_pictures::{absolute, with_pictures};
 use crate::range::check_ranges;
 use crate::results::check_folder;
 use watch::Watch;
@@ -587,31 +588,6 @@ fn changed(mut experiment: Experiment, changes: &Changes, context: &Context) -> 
     Ok(experiment)
 }
 
-/// An experiment with pictures of the user's own: photographs, or a data set with labels, whichever `key` the experiment reads.
-pub(crate) fn with_pictures(
-    mut experiment: Experiment,
-    photos: Option<&Path>,
-    data: Option<&Path>,
-    key: PicturesKey,
-) -> Result<Experiment, JobError> {
-    if let Some(photos) = photos {
-        if key == PicturesKey::Data {
-            let hint = "name the pictures with their labels: --data, or `data` of a call";
-            let message = "the experiment needs labels, and photographs have none";
-            return Err(JobError::setting("photos", photos.display(), message, hint));
-        }
-        experiment.photos = absolute(photos)?;
-    }
-    if let Some(data) = data {
-        if key == PicturesKey::Photos {
-            let hint = "it is for experiments on labelled scenes, such as pedestrian-vehicle; name pictures without labels by --photos, or `photos` of a call";
-            return Err(JobError::setting("data", data.display(), "the experiment makes pictures", hint));
-        }
-        experiment.data = absolute(data)?;
-    }
-    Ok(experiment)
-}
-
 /// Refuses settings of keys for which the request has a field that is used.
 fn check_said_once(changes: &Changes) -> Result<(), JobError> {
     let Changes { seed, photos, data, steps, is_full, set, .. } = changes;
@@ -634,13 +610,6 @@ fn check_said_once(changes: &Changes) -> Result<(), JobError> {
         }
     }
     Ok(())
-}
-
-fn absolute(path: &Path) -> Result<String, JobError> {
-    let path = std::fs::canonicalize(path).map_err(|error| {
-        JobError::input(format!("{}: {error}", path.display()), "give a folder or file that exists")
-    })?;
-    Ok(path_text(&path)?)
 }
 
 /// Sees that a new run can have its folder. A folder that the request leaves out may hold a run, so that its experiment can be looked at again.

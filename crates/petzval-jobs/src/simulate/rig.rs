@@ -59,25 +59,28 @@ pub struct Rig {
     pub traced: Option<(Lens, PsfPlan)>,
 }
 
-/// What to say of PSFs on so many pupil cells a side whose error is `error`; `None` if they are as accurate as scores need.
-pub(super) fn coarse_pupil(psf: &PsfConfig, cells: usize, error: f64) -> Option<String> {
+/// The warning of PSFs on so many pupil cells a side whose error is `error`; `None` if they are as accurate as scores need.
+pub(super) fn coarse_pupil(psf: &PsfConfig, cells: usize, error: f64) -> Option<(WarningKind, String)> {
     let most = psf.scoring_pupil_error;
     (error > most).then(|| {
-        format!("PSFs on {cells} pupil cells a side have an error of {error:.3} (L1), more than {most}")
+        (
+            WarningKind::PsfError,
+            format!("PSFs on {cells} pupil cells a side have an error of {error:.3} (L1), more than {most}"),
+        )
     })
 }
 
-/// What to say of patches that blend PSFs with an error of `blend`; `None` if they are as accurate as scores need.
+/// The warning of patches that blend PSFs with an error of `blend`; `None` if they are as accurate as scores need.
 pub(super) fn coarse_patches(
     psf: &PsfConfig,
     geometry: &RenderGeometry,
     blend: &BlendError,
-) -> Option<String> {
+) -> Option<(WarningKind, String)> {
     (blend.median > psf.scoring_blend_error).then(|| {
-        format!(
+        (WarningKind::PsfError, format!(
             "the PSF changes so quickly over the sensor that {} x {} patches blend it with an error of {:.3} (L1, median), {:.3} at worst",
             geometry.patches.0, geometry.patches.1, blend.median, blend.largest
-        )
+        ))
     })
 }
 
@@ -148,8 +151,8 @@ impl Rig {
                 // A picture is what a camera takes: even a lens without aberrations has its pupil.
                 let plan = PsfPlan { perfect_image: PerfectImage::AiryDisk, ..plan };
                 let (plan, error) = plan.converged(&lens, psf.scoring_pupil_error)?;
-                if let Some(text) = coarse_pupil(&psf, plan.quadrature.cells, error) {
-                    context.warning(WarningKind::PsfError, text);
+                if let Some((kind, text)) = coarse_pupil(&psf, plan.quadrature.cells, error) {
+                    context.warning(kind, text);
                 }
                 let source = PsfSource::Traced { lens: Box::new(lens.clone()), plan: plan.clone() };
                 (source, Some((lens, plan)))
@@ -167,8 +170,8 @@ impl Rig {
         }
         let (geometry, blend) =
             with_patches_for(&coarse, psfs.bank(), psf.scoring_blend_error).map_err(DesignError::from)?;
-        if let Some(text) = coarse_patches(&psf, &geometry, &blend) {
-            context.warning(WarningKind::PsfError, text);
+        if let Some((kind, text)) = coarse_patches(&psf, &geometry, &blend) {
+            context.warning(kind, text);
         }
         let border = kernel_radius(&geometry, &psfs.bank().layout()).map_err(DesignError::from)?;
         if let Some((lens, plan)) = traced.as_ref().filter(|_| !request.no_distortion) {

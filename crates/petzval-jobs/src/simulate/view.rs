@@ -328,8 +328,7 @@ fn exact_camera(
     let (geometry, blend) = with_patches_for(&psf.geometry(sensor), psfs.bank(), psf.scoring_blend_error)
         .map_err(DesignError::from)?;
     let of_psfs = [coarse_pupil(psf, sizes.1, error), coarse_patches(psf, &geometry, &blend)];
-    let of_psfs = of_psfs.into_iter().flatten().map(|text| (WarningKind::PsfError, text));
-    let warnings = lost_light(psf, &psfs).into_iter().chain(of_psfs).collect();
+    let warnings = lost_light(psf, &psfs).into_iter().chain(of_psfs.into_iter().flatten()).collect();
     kept((psfs, geometry), sensor, exposure, sizes, warnings)
 }
 

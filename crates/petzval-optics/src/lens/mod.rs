@@ -149,14 +149,14 @@ impl Lens {
         self.stop_at_rim().is_some_and(|stop| surface == stop || surface + 1 == stop)
     }
 
-    /// Whether the distance behind a surface leads against the light from or to a [plane without effect](Lens::is_idle_plane): it is no gap between
-    /// two things, and [`Lens::goes_against_the_light`] looks at the whole distance between these.
+    /// Whether the distance behind a surface leads against the light from or to a [plane without effect](Lens::is_idle_plane), while the whole
+    /// distance between the two things around it follows the light: it is no gap between two things, and may stay.
     pub fn steps_back_at_idle_plane(&self, surface: usize) -> bool {
         let thickness_mm = self.surfaces[surface].thickness_mm;
         let steps_back =
             if self.light_goes_forwards(surface) { thickness_mm < 0.0 } else { thickness_mm > 0.0 };
         let is_idle = |i: usize| i < self.surfaces.len() && self.is_idle_plane(i);
-        steps_back && (is_idle(surface) || is_idle(surface + 1))
+        steps_back && (is_idle(surface) || is_idle(surface + 1)) && !self.goes_against_the_light(surface)
     }
 
     /// Distance from the first vertex to the image plane, mm.

@@ -1,18 +1,12 @@
 //! The key of a unit: SHA-256 of all that decides its result.
 
 use std::fmt;
-use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use petzval_design::run::hex;
-use petzval_jobs::{CALL_FORMAT, Context, JobError, Row, row};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
-use sha2::{Digest, Sha256};
-
-use super::digest::{Digests, InputDigest};
-use super::{UNIT_FORMAT, Unit};
+use sha2::Sha256;
 
 /// The key of a unit: 64 hexadecimal digits, the name of its folder in a store.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
@@ -20,6 +14,11 @@ use super::{UNIT_FORMAT, Unit};
 pub struct Key(String);
 
 impl Key {
+    /// The key whose digits are those of a digest.
+    pub(super) fn of(digest: Sha256) -> Self {
+        Self(hex(digest))
+    }
+
     /// All digits.
     pub fn as_str(&self) -> &str {
         &self.0
@@ -48,141 +47,4 @@ impl FromStr for Key {
             Err(format!("\"{text}\" is no key of a unit: 64 hexadecimal digits"))
         }
     }
-}
-
-/// A unit that can be run: its request is complete and checked, its inputs are known.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Prepared {
-    /// The unit as it was given.
-    pub unit: Unit,
-    /// Its key.
-    pub key: Key,
-    /// Its request with every default and the seed of the unit. Results go to a folder that stands for any if the job writes some.
-    pub request: Value,
-    /// Files and folders that the request names, and those that a named experiment names.
-    pub inputs: Vec<InputDigest>,
-}
-
-/// The folder of results that requests have in keys, at which no file can be.
-pub const NOWHERE: &str = "/dev/null/results";
-
-impl Prepared {
-    /// Checks a unit and computes its key.
-    ///
-    /// The key is the SHA-256 of JSON with sorted keys: form, job, complete request with the seed of the unit, glasses, device, version,
-    /// instruction set. A text of the request that is the path of a file or a folder counts by its content: `sha256:` and the digest. So do
-    /// files that a named experiment names. Threads and the folder of results do not count.
-    ///
-    /// Fails if the call is of another form, if the request does not fit its schema, if a seed is given and the job draws nothing at random, or if
-    /// an input cannot be read; also if the unit has a key and it is another one.
-    pub fn new(unit: &Unit, context: &Context, digests: &Digests) -> Result<Self, JobError> {
-        let named = |error: JobError| match error {
-            JobError::Input { message, hint } => {
-                JobError::input(format!("unit \"{}\": {message}", unit.name), hint)
-            }
-            other => other,
-        };
-        Self::of(unit, context, digests).map_err(named)
-    }
-
-    fn of(unit: &Unit, context: &Context, digests: &Digests) -> Result<Self, JobError> {
-        // The key has no place for it: a later form would be taken for this one.
-        if unit.call.format != CALL_FORMAT {
-            let message = format!("`call.format` is {}, which is not known", unit.call.format);
-            return Err(JobError::input(
-                message,
-                format!("this program reads and writes format {CALL_FORMAT}"),
-            ));
-        }
-        let row = row(&unit.call.job)?;
-        let request = complete(unit, row)?;
-        let mut inputs = Inputs { digests, found: Vec::new() };
-        let known = inputs.by_content(&request)?;
-        let behind = row.behind(request.clone(), context)?;
-        let behind = behind.iter().map(|path| inputs.add(path)).collect::<Result<Vec<_>, _>>()?;
-        let glasses = unit.call.glasses.iter().map(|path| inputs.add(path)).collect::<Result<Vec<_>, _>>()?;
-        let all = json!({
-            "format": UNIT_FORMAT,
-            "job": unit.call.job,
-            "request": known,
-            "behind": behind,
-            "glasses": glasses,
-            "device": unit.call.device,
-            "version": unit.version,
-            "simd": unit.simd,
-        });
-        let key = Key(hex(Sha256::new_with_prefix(all.to_string())));
-        if unit.key.as_ref().is_some_and(|then| *then != key) {
-            return Err(changed(&inputs.found));
-        }
-        Ok(Self { unit: unit.clone(), key, request, inputs: inputs.found })
-    }
-
-    /// The row of its job.
-    pub fn row(&self) -> Result<&'static Row, JobError> {
-        row(&self.unit.call.job)
-    }
-}
-
-/// The error of a unit that no longer is what it was when its file was made.
-fn changed(inputs: &[InputDigest]) -> JobError {
-    let paths: Vec<String> = inputs.iter().map(|input| input.path.display().to_string()).collect();
-    let of = if paths.is_empty() { String::new() } else { format!(": {}", paths.join(", ")) };
-    JobError::input(
-        format!("its request or its inputs have changed since the file of units was made{of}"),
-        "`petzval sweep FILE --store DIR` makes the units anew, and passes those over that have not changed; or put the inputs back",
-    )
-}
-
-/// The request with every default, the seed of the unit, and nowhere to write to.
-fn complete(unit: &Unit, row: &Row) -> Result<Value, JobError> {
-    let request = row.filled_in(unit.call.request.clone())?;
-    let request = match unit.seed {
-        None => request,
-        Some(seed) => row.seeded(request, seed)?.ok_or_else(|| {
-            let message = format!("`seed` is {seed}, and the job `{}` draws nothing at random", row.name);
-            JobError::input(message, "leave the seed out")
-        })?,
-    };
-    row.kept_in(request, Path::new(NOWHERE))
-}
-
-/// Inputs as they are found.
-struct Inputs<'a> {
-    digests: &'a Digests,
-    found: Vec<InputDigest>,
-}
-
-impl Inputs<'_> {
-    /// A request, in which paths stand for what is there.
-    fn by_content(&mut self, of: &Value) -> Result<Value, JobError> {
-        Ok(match of {
-            Value::String(text) if is_path(text) => self.add(Path::new(text))?.into(),
-            Value::Array(items) => {
-                Value::Array(items.iter().map(|item| self.by_content(item)).collect::<Result<_, _>>()?)
-            }
-            Value::Object(keys) => {
-                let by_content = |(key, value): (&String, &Value)| Ok((key.clone(), self.by_content(value)?));
-                Value::Object(keys.iter().map(by_content).collect::<Result<_, JobError>>()?)
-            }
-            other => other.clone(),
-        })
-    }
-
-    fn add(&mut self, path: &Path) -> Result<String, JobError> {
-        let digest = self.digests.of(path).map_err(|e| {
-            JobError::input(format!("{}: {e}", path.display()), "an input of a unit has to be readable")
-        })?;
-        let text = format!("sha256:{}", digest.sha256);
-        if !self.found.contains(&digest) {
-            self.found.push(digest);
-        }
-        Ok(text)
-    }
-}
-
-/// Whether a text of a request is the path of something that exists. The text of a whole file is none.
-fn is_path(text: &str) -> bool {
-    let is_short = !text.is_empty() && text.len() < 4096 && !text.contains('\n');
-    is_short && !text.starts_with(NOWHERE) && ![".", ".."].contains(&text) && PathBuf::from(text).exists()
 }

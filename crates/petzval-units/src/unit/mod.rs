@@ -4,6 +4,7 @@
 mod digest;
 mod file;
 mod key;
+mod prepared;
 mod shard;
 
 use petzval_base::simd::{level, widest};
@@ -14,7 +15,8 @@ use serde_json::Value;
 
 pub use digest::{Digests, InputDigest};
 pub use file::{UnitFile, UnitFileError, read_units};
-pub use key::{Key, Prepared};
+pub use key::Key;
+pub use prepared::Prepared;
 pub use shard::{Shard, ShardSource, shard_of_environment};
 
 /// The version of [`Unit`] that this program writes and reads.

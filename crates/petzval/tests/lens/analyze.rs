@@ -299,7 +299,7 @@ fn fields_and_wavelengths_may_be_others_than_those_of_the_file() {
     assert_eq!(whole["fields_deg"][0], 0.0);
     assert_eq!(whole["spots"][0]["rms_um"], one["spots"][0]["rms_um"]);
     for (words, hint) in [
-        (["--fields", "90"], "degrees from the axis, less than 90"),
+        (["--fields", "180"], "degrees from the axis, less than 180"),
         (["--wavelengths", "550"], "did you mean 0.55?"),
     ] {
         run_fails(folder.path(), &[&["lens", "analyze", LENS][..], &words].concat(), 2, &[hint]);
