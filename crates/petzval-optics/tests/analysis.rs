@@ -589,7 +589,7 @@ fn nothing_is_resolved_beyond_the_cutoff() {
 
 #[test]
 fn foci_are_those_of_close_rays_however_far_away_the_entrance_pupil_is() {
-    // A lens in front of an object at 150 mm, with the stop behind it near its focus: chief rays are nearly parallel to the axis, and the entrance
+    // A lens in front of an object at 150 mm, with the stop behind it near its focus: chief rays are nearly parallel to the axis. The entrance
     // pupil is up to a hundred kilometres away, and larger than the lens by as much.
     // Of another colour it lies elsewhere.
     let glass = Arc::new(Glass::new("G", Dispersion::NdVd { nd: 1.5, vd: 60.0 }));

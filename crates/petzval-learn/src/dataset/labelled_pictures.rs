@@ -77,8 +77,8 @@ pub enum Purpose {
 
 impl LabelledPictures {
     /// Reads the annotations of a folder and checks its pictures. Returned with sentences on what of it cannot be used. Fails on boxes as corners
-    /// or shares of the picture, and where nothing is left to train on or to score with: no picture that holds a window of `crop` pixels, or no object of a class that is wanted whose longer side has
-    /// `least_side_px` pixels.
+    /// or shares of the picture. Fails where nothing is left to train on or to score with: no picture that holds a window of `crop` pixels, or no
+    /// object of a wanted class whose longer side has `least_side_px` pixels.
     ///
     /// The parts of the data set (`split`) decide what is held out: everything outside the part `train`, or outside the largest one if none is
     /// called so. Without two parts every fifth sequence is, by name, or the last where there are fewer; a picture that names no sequence is one by

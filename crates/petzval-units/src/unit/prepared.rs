@@ -33,8 +33,8 @@ impl Prepared {
     /// instruction set. A text of the request that is the path of a file or a folder counts by its content: `sha256:` and the digest. So do
     /// files that a named experiment names. Threads and the folder of results do not count.
     ///
-    /// Fails if the call is of another form, if the request does not fit its schema, if a seed is given and the job draws nothing at random, or if
-    /// an input cannot be read; also if the unit has a key and it is another one.
+    /// Fails if the call is of another form, if the request does not fit its schema, or if a seed is given and the job draws nothing at random. Fails
+    /// if an input cannot be read, or if the unit has a key and it is another one.
     pub fn new(unit: &Unit, context: &Context, digests: &Digests) -> Result<Self, JobError> {
         let named = |error: JobError| match error {
             JobError::Input { message, hint } => {
