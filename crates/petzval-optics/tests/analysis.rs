@@ -4,20 +4,19 @@ mod built_in;
 mod common;
 
 use std::f64::consts::{PI, TAU};
-use std::sync::Arc;
 
-use common::{bessel_j1, nominal_triplet, paraboloid, special_lenses};
+use common::{bessel_j1, nearly_telecentric, nominal_triplet, paraboloid, special_lenses};
 use petzval_optics::analysis::{
     AnalysisOptions, LayoutElement, analyze, axial_colour, encircled_energy, fan, field_curves, field_mtf,
     first_order_table, layout, longitudinal_aberration, mtf_by_field, spot_diagram, third_order,
     through_focus_mtf, wavefront,
 };
-use petzval_optics::glass::{Dispersion, Glass};
-use petzval_optics::lens::{Action, Axis, Lens, ObjectDistance, Placement, Surface, SurfaceShape};
+use petzval_optics::lens::{Action, Axis, Lens, ObjectDistance, Placement, Surface};
 use petzval_optics::merit::{FieldSet, Merit, Mtf, RmsWavefront};
 use petzval_optics::paraxial::first_order;
 use petzval_optics::psf::PsfKind;
 use petzval_optics::pupil::Quadrature;
+use petzval_optics::solve::with_paraxial_focus;
 use petzval_optics::wave::huygens_psf;
 
 /// A lens without aberration on its axis, in one colour and at that field alone.
@@ -589,32 +588,10 @@ fn nothing_is_resolved_beyond_the_cutoff() {
 
 #[test]
 fn foci_are_those_of_close_rays_however_far_away_the_entrance_pupil_is() {
-    // A lens in front of an object at 150 mm, with the stop behind it near its focus: chief rays are nearly parallel to the axis. The entrance
-    // pupil is up to a hundred kilometres away, and larger than the lens by as much.
-    // Of another colour it lies elsewhere.
-    let glass = Arc::new(Glass::new("G", Dispersion::NdVd { nd: 1.5, vd: 60.0 }));
-    let surface = |curvature: f64, thickness_mm: f64, glass: &Arc<Glass>| Surface {
-        shape: SurfaceShape { curvature, ..SurfaceShape::PLANE },
-        thickness_mm,
-        glass: glass.clone(),
-        semi_diameter_mm: 20.0,
-        ..Surface::default()
-    };
-    let air = Glass::air();
+    // The entrance pupil is up to a hundred kilometres away, and larger than the lens by as much; of another colour it lies elsewhere.
     let foci = |beyond_focus_mm: f64| {
-        let mut lens = Lens {
-            surfaces: vec![surface(0.01, 5.0, &glass), surface(-0.01, 0.0, &air), surface(0.0, 0.0, &air)],
-            stop: 2,
-            object: ObjectDistance::Finite(150.0),
-            fields_deg: vec![0.0, 1.0],
-            wavelengths_um: vec![0.5, 0.6],
-            ..perfect(8.0)
-        };
-        let focus_mm = first_order(&lens.at_wavelength(0.5)).bfl_mm;
-        lens.surfaces[1].thickness_mm = focus_mm + beyond_focus_mm;
-        let order = first_order(&lens.at_wavelength(0.5));
-        lens.entrance_pupil_mm = 2.0 * 0.05 * (150.0 + order.entrance_pupil_at_mm).abs();
-        let lens = lens.with_image_distance(order.image_distance_mm);
+        let lens = nearly_telecentric(beyond_focus_mm, vec![0.5, 0.6], 0.5);
+        let lens = with_paraxial_focus(&Lens { fields_deg: vec![0.0, 1.0], ..lens }, 0.0);
         let curves = field_curves(&lens, &options()).unwrap();
         assert!(curves.tangential_focus_mm[0][0].abs() < 1e-4, "{beyond_focus_mm}: {curves:?}");
         [&curves.tangential_focus_mm[0], &curves.sagittal_focus_mm[0]].map(|foci_mm| *foci_mm.last().unwrap())

@@ -2,12 +2,9 @@
 
 mod common;
 
-use std::sync::Arc;
-
-use common::nominal_triplet;
+use common::{nearly_telecentric, nominal_triplet};
 use petzval_optics::analysis::{AnalysisOptions, field_curves};
-use petzval_optics::glass::{Dispersion, Glass};
-use petzval_optics::lens::{Lens, ObjectDistance, Surface, SurfaceShape};
+use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::paraxial::{first_order, image_height_per_tangent};
 use petzval_optics::psf::{PsfOptions, psf};
 use petzval_optics::pupil::{Quadrature, field_imaged_at};
@@ -110,28 +107,9 @@ fn illumination_of_a_near_scene_is_that_of_its_real_image() {
 
 #[test]
 fn every_colour_has_the_light_of_its_cone_where_chief_rays_are_nearly_parallel() {
-    // A lens in front of an object at 150 mm, with the stop 0.1 mm behind its focus: the entrance pupil is a hundred metres away, and that of
-    // another colour a hundred times nearer. The cone from the object to the rim of the stop is nearly the same.
-    let glass = Arc::new(Glass::new("G", Dispersion::NdVd { nd: 1.5, vd: 60.0 }));
-    let surface = |curvature: f64, thickness_mm: f64, glass: &Arc<Glass>| Surface {
-        shape: SurfaceShape { curvature, ..SurfaceShape::PLANE },
-        thickness_mm,
-        glass: glass.clone(),
-        semi_diameter_mm: 20.0,
-        ..Surface::default()
-    };
-    let air = Glass::air();
-    let mut lens = Lens {
-        surfaces: vec![surface(0.01, 5.0, &glass), surface(-0.01, 0.0, &air), surface(0.0, 0.0, &air)],
-        stop: 2,
-        object: ObjectDistance::Finite(150.0),
-        wavelengths_um: vec![0.486, 0.5876, 0.656],
-        reference_um: 0.5876,
-        ..nominal_triplet()
-    };
-    lens.surfaces[1].thickness_mm = first_order(&lens.at_wavelength(0.5876)).bfl_mm + 0.1;
-    let to_pupil_mm = 150.0 + first_order(&lens.at_wavelength(0.5876)).entrance_pupil_at_mm;
-    lens.entrance_pupil_mm = 2.0 * 0.05 * to_pupil_mm.abs();
+    // The entrance pupil is a hundred metres away, and that of another colour a hundred times nearer. The cone from the object to the rim of the
+    // stop is nearly the same.
+    let lens = nearly_telecentric(0.1, vec![0.486, 0.5876, 0.656], 0.5876);
     let light =
         spot(&with_paraxial_focus(&lens, 0.0), 0.0, &Quadrature::grid(64).unwrap()).unwrap().illumination;
     assert!(light.iter().all(|l| (l - 1.0).abs() < 0.05 && (l / light[1] - 1.0).abs() < 0.01), "{light:?}");

@@ -46,36 +46,38 @@ const SPARE_DECIMALS: usize = 2;
 
 /// Fills a table `file/table` from runs of several seeds, and with it all tables of that file that follow from the same runs.
 pub(super) fn take(root: &Path, key: &str, folders: &[&Path]) -> Result<(), String> {
-    let mut data = Data::read(root)?;
-    let table = data.table(key)?;
-    if table.from_runs != Some(FromRuns::Cameras) {
-        return Err(format!(
-            "table {key:?} is no table of cameras: give it \"from_runs\": {{\"kind\": \"cameras\"}}"
-        ));
-    }
-    let name = table.key.clone();
-    let runs = folders.iter().map(|folder| read(folder)).collect::<Result<Vec<_>, _>>()?;
-    let runs = samples(runs)?;
-    let (file, _) = key.split_once('/').unwrap_or((key, ""));
-    let Some(found) = data.files.get_mut(file) else { return Ok(()) };
-    for table in &mut found.tables {
-        fill(table, &name, &runs)?;
-    }
-    let text = found.text().map_err(|e| e.to_string())?;
-    fs::write(root.join(FOLDER).join(format!("{file}.json")), text).map_err(|e| format!("{file}.json: {e}"))
+    changed(root, key, folders, |tables, at, runs| {
+        if tables[at].from_runs != Some(FromRuns::Cameras) {
+            return Err(format!(
+                "table {key:?} is no table of cameras: give it \"from_runs\": {{\"kind\": \"cameras\"}}"
+            ));
+        }
+        let name = tables[at].key.clone();
+        tables.iter_mut().try_for_each(|table| fill(table, &name, runs))
+    })
 }
 
 /// Fills one row of a table from runs of several seeds, and the gaps that follow from it. The other rows stay.
 pub(super) fn take_row(root: &Path, key: &str, row: &str, folders: &[&Path]) -> Result<(), String> {
+    let (row, camera) = row.split_once('=').unwrap_or((row, row));
+    changed(root, key, folders, |tables, at, runs| renew(&mut tables[at], row, camera, runs))
+}
+
+/// Changes the tables of the file of a table, which is the one at a place among them, by runs, and writes the file.
+fn changed(
+    root: &Path,
+    key: &str,
+    folders: &[&Path],
+    change: impl FnOnce(&mut [Table], usize, &[Run]) -> Result<(), String>,
+) -> Result<(), String> {
     let mut data = Data::read(root)?;
-    data.table(key)?;
+    let name = data.table(key)?.key.clone();
     let runs = folders.iter().map(|folder| read(folder)).collect::<Result<Vec<_>, _>>()?;
     let runs = samples(runs)?;
-    let (row, camera) = row.split_once('=').unwrap_or((row, row));
-    let (file, name) = key.split_once('/').unwrap_or((key, ""));
+    let (file, _) = key.split_once('/').unwrap_or((key, ""));
     let Some(found) = data.files.get_mut(file) else { return Ok(()) };
-    let table = found.tables.iter_mut().find(|table| table.key == name);
-    table.map_or(Ok(()), |table| renew(table, row, camera, &runs))?;
+    let Some(at) = found.tables.iter().position(|table| table.key == name) else { return Ok(()) };
+    change(&mut found.tables, at, &runs)?;
     let text = found.text().map_err(|e| e.to_string())?;
     fs::write(root.join(FOLDER).join(format!("{file}.json")), text).map_err(|e| format!("{file}.json: {e}"))
 }

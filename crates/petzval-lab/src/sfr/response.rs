@@ -139,7 +139,7 @@ fn interpolated(values: &[f64], frequency: f64) -> f64 {
 }
 
 impl Windowed {
-    /// The modulation under a window of half-width `end`, of which the inner share `flat` is flat.
+    /// The modulation under a window of half-width `end`. The window is 1 over the share `flat` of its width, in its middle, and falls to 0 at its ends.
     fn of(profile: &Spline, pulls: &[Spline], end: f64, flat: f64) -> Self {
         let steps = (end * POINTS_PER_PIXEL as f64) as i64;
         let points: Vec<(f64, f64)> = (-steps..=steps)

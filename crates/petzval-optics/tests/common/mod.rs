@@ -217,6 +217,33 @@ pub fn paraboloid(f_number: f64) -> Lens {
     Lens { name: "paraboloid".into(), surfaces: vec![mirror], entrance_pupil_mm, ..telescope() }
 }
 
+/// A lens in front of an object at 150 mm, with a numerical aperture of about 0.05. The stop stands so far behind the focus of the reference
+/// wavelength: chief rays are nearly parallel to the axis, and the entrance pupil is far away. The image plane is not where the image is.
+#[allow(dead_code, reason = "each test file takes what it needs of this one")]
+pub fn nearly_telecentric(beyond_focus_mm: f64, wavelengths_um: Vec<f64>, reference_um: f64) -> Lens {
+    let glass = Arc::new(Glass::new("G", Dispersion::NdVd { nd: 1.5, vd: 60.0 }));
+    let surface = |curvature: f64, thickness_mm: f64, glass: &Arc<Glass>| Surface {
+        shape: SurfaceShape { curvature, ..SurfaceShape::PLANE },
+        thickness_mm,
+        glass: glass.clone(),
+        semi_diameter_mm: 20.0,
+        ..Surface::default()
+    };
+    let (air, distance_mm) = (Glass::air(), 150.0);
+    let mut lens = Lens {
+        surfaces: vec![surface(0.01, 5.0, &glass), surface(-0.01, 0.0, &air), surface(0.0, 0.0, &air)],
+        stop: 2,
+        object: ObjectDistance::Finite(distance_mm),
+        wavelengths_um,
+        reference_um,
+        ..telescope()
+    };
+    let order = |lens: &Lens| petzval_optics::paraxial::first_order(&lens.at_wavelength(reference_um));
+    lens.surfaces[1].thickness_mm = order(&lens).bfl_mm + beyond_focus_mm;
+    lens.entrance_pupil_mm = 2.0 * 0.05 * (distance_mm + order(&lens).entrance_pupil_at_mm).abs();
+    lens
+}
+
 /// Bessel function J1, by its integral.
 #[allow(dead_code, reason = "each test file takes what it needs of this one")]
 pub fn bessel_j1(x: f64) -> f64 {
