@@ -108,13 +108,16 @@ pub(super) fn with_level(unit: &Unit, terminal: &Terminal) -> Result<(), Failure
 fn start_again(level: &str, terminal: &Terminal) -> Result<(), Failure> {
     use std::os::unix::process::CommandExt;
 
-    let words: Vec<_> = std::env::args_os().skip(1).collect();
+    let mut words = std::env::args_os();
+    let name = words.next().unwrap_or_default();
+    let words: Vec<_> = words.collect();
     // Only a process that does nothing else may begin again: a script in Python may call the command as well.
     if !words.ends_with(&terminal.words[1.min(terminal.words.len())..]) {
         return Ok(());
     }
     let program = std::env::current_exe().map_err(|e| Failure::job(format!("this program: {e}")))?;
-    let error = std::process::Command::new(program).args(words).env("PETZVAL_SIMD", level).exec();
+    // Python finds the environment of its packages by the name that it was started with: the program itself lies outside of it.
+    let error = std::process::Command::new(program).arg0(name).args(words).env("PETZVAL_SIMD", level).exec();
     Err(Failure::job(format!("this program could not be started again with PETZVAL_SIMD={level}: {error}")))
 }
 
