@@ -41,6 +41,11 @@ impl fmt::Display for FileError {
     }
 }
 
+/// Reason and hint of an error that writes both as one text, `reason; hint: what to do`. The hint is empty where there is none.
+pub fn reason_and_hint(text: &str) -> (&str, &str) {
+    text.split_once("; hint: ").unwrap_or((text, ""))
+}
+
 impl FileError {
     /// An error about the bytes `span` of `text`; the value is quoted from there.
     pub fn at(text: &str, span: Range<usize>, key: &str, message: impl Into<String>) -> Self {

@@ -3,6 +3,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`FileError`] | an error in a file: line, key, value, and a hint |
+//! | [`reason_and_hint`] | the parts of an error that is one text |
 //! | [`Cancel`] | the flag that stops long work |
 //! | [`parameter`] | the description of a number that a user may set: unit, range, scale, default, sentence |
 //! | [`read_whole`], [`read_text`], [`open_file`] | read files, and refuse what may have no end |
@@ -36,7 +37,7 @@ mod whole_file;
 pub use cancel::{Cancel, Cancelled};
 pub use counted::counted;
 pub use csv_text::{csv_number, csv_text};
-pub use file_error::{FileError, nearest, quote};
+pub use file_error::{FileError, nearest, quote, reason_and_hint};
 pub use hex::hex;
 pub use part::{LONGEST_NAME, PartFolder, sweep_parts, sweep_parts_in};
 pub use pasted::{is_obeyed, pasted};

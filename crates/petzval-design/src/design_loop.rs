@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use petzval_base::Cancel;
+use petzval_base::{Cancel, reason_and_hint};
 use petzval_camera::isp::IspError;
 use petzval_files::{LensFile, write_lens};
 use petzval_learn::guest::GuestError;
@@ -256,8 +256,7 @@ impl DesignLoop {
                 // What to do is said for all checkpoints together.
                 Err(error) => {
                     let text = error.to_string();
-                    let why = text.split_once("; hint: ").map_or(&*text, |(why, _)| why);
-                    damaged.push((folder, why.to_owned()));
+                    damaged.push((folder, reason_and_hint(&text).0.to_owned()));
                 }
             }
         }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use petzval_base::{Cancelled, FileError};
 use petzval_camera::image::ShapeError;
 use petzval_camera::isp::IspError;
+use petzval_camera::render::RenderError;
 use petzval_camera::sensor::SensorError;
 use petzval_files::psf_file::PsfFileError;
 use petzval_learn::dataset::DatasetError;
@@ -126,7 +127,7 @@ pub enum DesignError {
     Pupil(#[from] petzval_optics::pupil::QuadratureError),
     /// Rendering failed.
     #[error(transparent)]
-    Render(#[from] petzval_camera::render::RenderError),
+    Render(#[from] RenderError),
     /// Exposure failed.
     #[error(transparent)]
     Sensor(#[from] SensorError),
@@ -321,6 +322,7 @@ impl DesignError {
                     | Self::Isp(IspError::Stopped(_))
                     | Self::Guest(GuestError::Stopped(_))
                     | Self::Dataset(DatasetError::Stopped(_))
+                    | Self::Render(RenderError::Stopped(_))
             ),
         }
     }

@@ -1,6 +1,6 @@
 //! A spectral scene through a lens: every band is spread by the PSFs of its own wavelength.
 
-use petzval_base::Cancelled;
+use petzval_base::Cancel;
 use petzval_camera::image::{CHANNELS, LinearImage};
 use petzval_camera::render::{Distortion, RenderGeometry, Window, light_on_pixels};
 use petzval_camera::sensor::Colour;
@@ -38,27 +38,28 @@ impl Bands<'_> {
 /// What the lens sees beyond the sensor repeats its edge. `plan` gives fields,
 /// grid and pupil; its wavelengths are replaced by those of the bands, three at a time, as many as the renderer takes, so no
 /// more than three planes are in memory. Relative illumination multiplies the electrons off the axis. `done` is called with every band
-/// that has been rendered; its error ends the work.
+/// that has been rendered. A call that is cancelled ends soon, with an error of which [`DesignError::is_stopped`] is true.
 pub fn render_spectral(
     lens: &Lens,
     plan: &PsfPlan,
     geometry: &RenderGeometry,
     bands: &Bands,
     window: Window,
-    done: &dyn Fn(usize) -> Result<(), Cancelled>,
+    done: &dyn Fn(usize),
+    cancel: &Cancel,
 ) -> Result<ColourElectrons, DesignError> {
     let colours: Vec<Colour> = bands.weights.iter().map(|(colour, _)| *colour).collect();
     let mut electrons: Option<ColourElectrons> = None;
     for group in bands.seen().chunks(CHANNELS) {
         // A last group of less than three bands repeats one, which counts once.
         let three = [0, 1, 2].map(|k| group[k.min(group.len() - 1)]);
-        let light = through_lens(lens, plan, geometry, bands, three, window).map_err(|error| {
+        let light = through_lens(lens, plan, geometry, bands, three, window, cancel).map_err(|error| {
             DesignError::InBands { um: group.iter().map(|b| bands.um[*b]).collect(), error: Box::new(error) }
         })?;
         let sum = electrons.get_or_insert_with(|| ColourElectrons::none(&colours, light.height, light.width));
         for (k, band) in group.iter().enumerate() {
             sum.add(light.plane(k), bands.weights, *band);
-            done(*band)?;
+            done(*band);
         }
     }
     electrons.ok_or_else(|| {
@@ -76,8 +77,9 @@ fn through_lens(
     bands: &Bands,
     three: [usize; CHANNELS],
     window: Window,
+    cancel: &Cancel,
 ) -> Result<LinearImage, DesignError> {
     let bank = PsfPlan { wavelengths_um: three.map(|b| bands.um[b]), ..plan.clone() }.bank(lens)?;
     let picture = (bands.planes)(three);
-    Ok(light_on_pixels(geometry, &bank, &picture, bands.distortion, &window, bands.samples)?)
+    Ok(light_on_pixels(geometry, &bank, &picture, bands.distortion, &window, bands.samples, cancel)?)
 }

@@ -3,7 +3,7 @@
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use petzval_base::{Cancelled, FileError, LONGEST_NAME, write_whole};
+use petzval_base::{Cancelled, FileError, LONGEST_NAME, reason_and_hint, write_whole};
 use petzval_design::error::{DesignError, WrongSetting};
 use petzval_files::raw_file::RawFileError;
 use petzval_files::{ImageError, decode};
@@ -184,9 +184,14 @@ impl JobError {
         Self::Setting { key, value: value.to_string(), message: message.into(), hint: hint.into() }
     }
 
-    /// A request that cannot be used.
+    /// A request that cannot be used. If the hint is empty, the message may be an error that writes its own as one text.
     pub fn input(message: impl Into<String>, hint: impl Into<String>) -> Self {
-        Self::Input { message: message.into(), hint: hint.into() }
+        let (message, hint) = (message.into(), hint.into());
+        if !hint.is_empty() {
+            return Self::Input { message, hint };
+        }
+        let (reason, hint) = reason_and_hint(&message);
+        Self::Input { message: reason.to_owned(), hint: hint.to_owned() }
     }
 
     /// A job that failed though the request was proper.
@@ -238,7 +243,10 @@ impl JobError {
                 hint: error.hint.clone().unwrap_or_default(),
                 ..report("file", &error.message)
             },
-            Self::Failed(message) => report("failed", message),
+            Self::Failed(message) => {
+                let (reason, hint) = reason_and_hint(message);
+                ErrorReport { hint: hint.to_owned(), ..report("failed", reason) }
+            }
             Self::Panic { message, place, .. } => ErrorReport {
                 place: Some(Place { source: place.clone(), ..Place::default() }),
                 ..report("panic", message)
@@ -405,6 +413,15 @@ mod tests {
                     "place": {"path": "x.toml", "line": 2, "column": 5, "key": "b", "value": "2"}}),
             ),
             (JobError::failed("no light"), json!({"kind": "failed", "message": "no light"})),
+            // Errors of other crates have both in one text.
+            (
+                JobError::input("no light; hint: open the stop", ""),
+                json!({"kind": "input", "message": "no light", "hint": "open the stop"}),
+            ),
+            (
+                JobError::failed("no light; hint: open the stop"),
+                json!({"kind": "failed", "message": "no light", "hint": "open the stop"}),
+            ),
             (
                 stopped.into(),
                 json!({"kind": "stopped", "message": "stopped after 1 of 2", "stopped": {

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use petzval_base::reason_and_hint;
 use petzval_camera::psf::PsfBank;
 use petzval_design::error::DesignError;
 use petzval_design::lens::psf_plan::PsfPlan;
@@ -252,7 +253,7 @@ fn computed(request: &Request, lens: &Lens, plan: &PsfPlan, context: &Context) -
         // Here the corner is an option, and the hint of the error is for sensors.
         DesignError::OutsideTheImage { .. } => {
             let said = error.to_string();
-            let (reason, of_sensor) = said.split_once("; hint: ").unwrap_or((&said, ""));
+            let (reason, of_sensor) = reason_and_hint(&said);
             JobError::input(reason, beyond(f64::INFINITY).unwrap_or_else(|| of_sensor.to_owned()))
         }
         other => other.into(),

@@ -221,8 +221,9 @@ impl PyRenderer {
         let light = watched(py, &watch, |context| {
             self.check_window(&window, samples)?;
             let of = |(bank, picture)| {
-                context.check(|| "stopped before all colours were rendered")?;
-                light_on_pixels(&self.geometry, bank, picture, distortion, &window, samples).map_err(refused)
+                let cancel = context.cancel();
+                light_on_pixels(&self.geometry, bank, picture, distortion, &window, samples, cancel)
+                    .map_err(refused)
             };
             self.banks.iter().zip(&planes).map(of).collect::<Result<Vec<_>, _>>()
         })?;
@@ -316,11 +317,11 @@ impl PyRenderer {
         };
         let wieners: Vec<Wiener> = (0..self.colours).step_by(CHANNELS).map(of_bank).collect();
         let placement = Placement { row, col: column };
-        let restored = watched(py, &watch, |_| {
+        let restored = watched(py, &watch, |context| {
             // Filters reach twice as far as kernels.
             self.check_kernels(4)?;
             let of = |((bank, picture), wiener): ((_, _), &Wiener)| {
-                wiener.restore(&self.geometry, bank, picture, placement).map_err(refused)
+                wiener.restore(&self.geometry, bank, picture, placement, context.cancel()).map_err(refused)
             };
             self.banks.iter().zip(&planes).zip(&wieners).map(of).collect::<Result<Vec<_>, _>>()
         })?;
@@ -451,5 +452,8 @@ fn geometry(
 }
 
 fn refused(error: RenderError) -> JobError {
-    JobError::input(error.to_string(), "")
+    match error {
+        RenderError::Stopped(cancelled) => cancelled.into(),
+        other => JobError::input(other.to_string(), ""),
+    }
 }

@@ -17,6 +17,12 @@ def _calls(lens: pz.Lens, folder: Path) -> Iterator[tuple[str, Callable[[], Any]
     """Wrong calls, by the key of the error."""
     bank = pz.psf(lens, fields_deg=[0, 7], grid=32, pitch_um=4, pupil_cells=16)
     sensor, light, mapping = pz.Sensor.load("imx249-fitted"), np.ones((64, 64)), dict[str, Any]()
+    # A mask says which values do not count.
+    masked = np.ma.masked_array(light, mask=light > 2)
+    masked[3, 4] = np.ma.masked
+    yield "picture", lambda: pz.rendering.render(masked, bank, pixel_um=4.0)
+    yield "picture", lambda: pz.Camera(lens, sensor).take(np.ma.stack([masked] * 3, axis=-1))
+    yield "per_mm", lambda: lens.mtf(per_mm=masked[3])
     # One thing made by a path alone, as in other packages.
     yield "Lens", lambda: pz.Lens("my.zmx")  # type: ignore[arg-type]
     yield "Sensor", lambda: pz.Sensor("imx249-fitted")  # type: ignore[arg-type]

@@ -1,5 +1,6 @@
 """Interrupts, forks and the command: each in a process of its own."""
 
+import json
 import multiprocessing
 import os
 import signal
@@ -38,6 +39,20 @@ except KeyboardInterrupt:
     child.send_signal(signal.SIGINT)
     said, _ = child.communicate(timeout=60)
     assert said == "interrupted\n" and child.returncode == 0
+
+
+def test_a_unit_of_another_instruction_set_starts_in_the_same_environment(tmp_path) -> None:
+    request = {"lens": "cooke-triplet-nominal", "field": 5, "wavelength": 0.55, "pupil": [0, 1]}
+    unit = {"name": "a", "simd": "scalar", "call": {"format": 1, "job": "lens-trace", "request": request}}
+    (tmp_path / "units.jsonl").write_text(json.dumps(unit) + "\n", encoding="utf-8")
+    environment = {name: value for name, value in os.environ.items() if name != "PETZVAL_SIMD"}
+    words = ["unit", "run", "units.jsonl", "--store", "store", "--threads", "1"]
+    done = subprocess.run(
+        [sys.executable, "-m", "petzval", *words], capture_output=True, text=True, cwd=tmp_path, env=environment
+    )
+    assert (done.returncode, done.stderr.count("No module")) == (0, 0), done.stderr
+    (kept,) = (tmp_path / "store").glob("*/result.json")
+    assert json.loads(kept.read_text(encoding="utf-8"))["unit"]["simd"] == "scalar"
 
 
 def test_the_package_brings_the_command(tmp_path) -> None:

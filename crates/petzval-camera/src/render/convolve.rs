@@ -1,5 +1,6 @@
 //! Rendering by FFTs, tile by tile, each tile blending at most two by two patches.
 
+use petzval_base::{Cancel, Cancelled};
 use rayon::prelude::*;
 use realfft::num_complex::Complex32;
 
@@ -8,11 +9,16 @@ use super::tiles::TileSet;
 use crate::image::{CHANNELS, LinearImage};
 
 /// All tiles and channels of a window, by FFTs.
-pub(super) fn by_transforms(set: &TileSet, scene: &LinearImage) -> Vec<Vec<f32>> {
+pub(super) fn by_transforms(
+    set: &TileSet,
+    scene: &LinearImage,
+    cancel: &Cancel,
+) -> Result<Vec<Vec<f32>>, Cancelled> {
     (0..set.len() * CHANNELS)
         .into_par_iter()
         .map_init(Scratch::default, |scratch, work| {
-            render_tile(set, scene, work / CHANNELS, work % CHANNELS, scratch)
+            cancel.check()?;
+            Ok(render_tile(set, scene, work / CHANNELS, work % CHANNELS, scratch))
         })
         .collect()
 }

@@ -1,5 +1,7 @@
 //! Why a scene cannot be rendered.
 
+use petzval_base::Cancelled;
+
 use super::limits::MAX_RADIUS;
 use crate::psf::PsfError;
 
@@ -9,6 +11,9 @@ pub enum RenderError {
     /// The PSFs are malformed.
     #[error(transparent)]
     Psf(#[from] PsfError),
+    /// The work was cancelled between two tiles.
+    #[error(transparent)]
+    Stopped(#[from] Cancelled),
     /// Sensor size, pixel pitch or patch count is out of range.
     #[error(
         "render geometry {height}x{width} pixels of {pixel_um} um in {patch_rows}x{patch_cols} patches; \

@@ -1,9 +1,11 @@
 //! The light of a scene on the pixels, from samples of the scene that may be finer than the pixels.
 
+use petzval_base::Cancel;
+
 use super::geometry::Window;
 use super::{
     Distortion, Placement, RenderError, RenderGeometry, illumination_map, kernel_radius, patch_kernels,
-    render_kernels,
+    render_kernels_unless,
 };
 use crate::image::{CHANNELS, LinearImage};
 use crate::psf::PsfBank;
@@ -19,6 +21,8 @@ const MOST_AT_A_TIME: usize = 1 << 23;
 ///
 /// `geometry` and `window` are those of the pixels. The `picture` covers the sensor, or with a `distortion` what the lens projects
 /// onto it, [`Distortion::ideal_frame`]; outside it its edge is repeated. Light below zero, from the rounding of transforms, is cut off.
+///
+/// A call that is cancelled ends within the time of a tile, with [`RenderError::Stopped`].
 pub fn light_on_pixels(
     geometry: &RenderGeometry,
     bank: &PsfBank,
@@ -26,9 +30,10 @@ pub fn light_on_pixels(
     distortion: Option<&Distortion>,
     window: &Window,
     samples: usize,
+    cancel: &Cancel,
 ) -> Result<LinearImage, RenderError> {
     let rows = MOST_AT_A_TIME / (window.width * samples * samples).max(1);
-    in_strips(geometry, bank, picture, distortion, window, samples, rows.max(1))
+    in_strips(geometry, bank, picture, distortion, window, samples, rows.max(1), cancel)
 }
 
 /// [`light_on_pixels`] in strips of so many rows of pixels.
@@ -40,6 +45,7 @@ fn in_strips(
     window: &Window,
     samples: usize,
     rows: usize,
+    cancel: &Cancel,
 ) -> Result<LinearImage, RenderError> {
     let (fine, layout) = (geometry.finer(samples), bank.layout());
     let border = kernel_radius(&fine, &layout)?;
@@ -50,6 +56,7 @@ fn in_strips(
         let placement = Placement { row: window.placement.row + first, col: window.placement.col };
         let strip = Window { placement, height: rows.min(window.height - first), width: window.width };
         let on_samples = strip.finer(samples);
+        cancel.check()?;
         // The scene as it lies on the image, and around the strip what the PSF brings in.
         let scene = match distortion {
             Some(distortion) => distortion.project(&fine, picture, &on_samples, border)?,
@@ -57,7 +64,7 @@ fn in_strips(
         };
         // The lens spreads it and dims it off the axis.
         let Window { placement, height, width } = on_samples;
-        let mut light = render_kernels(&fine, &kernels, &scene, placement)?;
+        let mut light = render_kernels_unless(cancel, &fine, &kernels, &scene, placement)?;
         let dimming = illumination_map(&fine, &layout, &bank.illumination, placement, height, width)?;
         light
             .data
@@ -138,10 +145,13 @@ mod tests {
                 }
             }
             let map = distortion.as_ref();
-            let whole = light_on_pixels(&GEOMETRY, &bank, &picture, map, &WHOLE, samples).unwrap();
-            let in_pieces = in_strips(&GEOMETRY, &bank, &picture, map, &WHOLE, samples, 7).unwrap();
+            let whole = light_on_pixels(&GEOMETRY, &bank, &picture, map, &WHOLE, samples, &Cancel::default())
+                .unwrap();
+            let in_pieces =
+                in_strips(&GEOMETRY, &bank, &picture, map, &WHOLE, samples, 7, &Cancel::default()).unwrap();
             let part = Window { placement: Placement { row: 9, col: 14 }, height: 11, width: 20 };
-            let window = light_on_pixels(&GEOMETRY, &bank, &picture, map, &part, samples).unwrap();
+            let window =
+                light_on_pixels(&GEOMETRY, &bank, &picture, map, &part, samples, &Cancel::default()).unwrap();
             let cut = expected.crop(9, 14, 11, 20).unwrap();
             for (found, expected) in [(whole, &expected), (in_pieces, &expected), (window, &cut)] {
                 assert!(
@@ -157,7 +167,8 @@ mod tests {
         let (bank, samples) = (bank(4.0, 1.0), 4);
         let centroid = |col: usize| {
             let dot = picture(samples, |r, c| if (r, c) == (70, col) { 16.0 } else { 0.0 });
-            let seen = light_on_pixels(&GEOMETRY, &bank, &dot, None, &WHOLE, samples).unwrap();
+            let seen =
+                light_on_pixels(&GEOMETRY, &bank, &dot, None, &WHOLE, samples, &Cancel::default()).unwrap();
             let plane = seen.plane(0).iter().enumerate();
             let sums = plane
                 .fold((0.0, 0.0), |s, (i, v)| (s.0 + f64::from(*v), s.1 + f64::from(*v) * (i % 48) as f64));
@@ -180,7 +191,8 @@ mod tests {
         for (cycles, alias) in [(0.25, 0.25), (0.75, 0.25), (1.25, 0.25), (0.625, 0.375)] {
             let place = |col: usize| (col as f64 + 0.5) / samples as f64 - 0.5;
             let grating = picture(samples, |_, col| (0.5 + 0.5 * (TAU * cycles * place(col)).cos()) as f32);
-            let seen = light_on_pixels(&GEOMETRY, &bank, &grating, None, &WHOLE, samples).unwrap();
+            let seen = light_on_pixels(&GEOMETRY, &bank, &grating, None, &WHOLE, samples, &Cancel::default())
+                .unwrap();
             // The transfer of the cells of the PSF, of their squares, and of the pixel.
             let frequency = cycles / pixel_um;
             let plane = &bank.values[..48 * 48];

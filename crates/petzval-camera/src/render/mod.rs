@@ -41,6 +41,8 @@ pub use light::light_on_pixels;
 pub use limits::{MAX_PATCHES, MAX_RADIUS, MAX_SIDE};
 pub use restore::{Curves, KNOTS, Wiener, WienerGradient};
 
+use petzval_base::Cancel;
+
 use crate::image::LinearImage;
 use crate::psf::PsfBank;
 use tiles::TileSet;
@@ -70,14 +72,26 @@ pub fn render_kernels(
     scene: &LinearImage,
     placement: Placement,
 ) -> Result<LinearImage, RenderError> {
+    render_kernels_unless(&Cancel::default(), geometry, kernels, scene, placement)
+}
+
+/// As [`render_kernels`], for whole frames: ends within the time of a tile once it is cancelled, with [`RenderError::Stopped`].
+pub fn render_kernels_unless(
+    cancel: &Cancel,
+    geometry: &RenderGeometry,
+    kernels: &PatchKernels,
+    scene: &LinearImage,
+    placement: Placement,
+) -> Result<LinearImage, RenderError> {
     let window = kernel::checked_window(geometry, kernels, scene, placement)?;
     let set = TileSet::new(geometry, &window, kernels.radius, None);
     let supports = spatial::supports(&set, kernels);
     if spatial::is_faster(&set, &supports) {
-        return Ok(set.assembled(&window, spatial::render_tiles(&set, kernels, &supports, scene)));
+        let tiles = spatial::render_tiles(&set, kernels, &supports, scene, cancel)?;
+        return Ok(set.assembled(&window, tiles));
     }
     let set = TileSet::new(geometry, &window, kernels.radius, Some(kernels));
-    Ok(set.assembled(&window, convolve::by_transforms(&set, scene)))
+    Ok(set.assembled(&window, convolve::by_transforms(&set, scene, cancel)?))
 }
 
 /// Checks a scene against the geometry, and marks the patches that its output needs.

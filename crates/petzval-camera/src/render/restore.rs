@@ -8,6 +8,7 @@
 //! where `s_c` is a curve of the colour c, piecewise linear in `log2 f` between [`KNOTS`] octaves, that training can bend; 0 by default. The
 //! filters are turned into kernels on the pixel grid and applied by the renderer, which blends them from patch to patch without seams.
 
+use petzval_base::Cancel;
 use rayon::prelude::*;
 use realfft::num_complex::Complex32;
 use schemars::JsonSchema;
@@ -16,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use super::spectrum::{Scratch, TilePlan, fast_len, forward, plans};
 use super::{
     PatchKernels, Placement, RenderError, RenderGeometry, Window, check_placement, patch_kernels,
-    render_kernels,
+    render_kernels_unless,
 };
 use crate::image::{CHANNELS, LinearImage};
 use crate::psf::PsfBank;
@@ -73,12 +74,15 @@ impl Wiener {
     /// The picture without the blur of its lens, as far as the noise allows.
     ///
     /// `picture` is a window of the sensor at `placement`, corrected for shading, three planes; beyond its border its edge is repeated.
+    ///
+    /// A call that is cancelled ends within the time of a tile, with [`RenderError::Stopped`].
     pub fn restore(
         &self,
         geometry: &RenderGeometry,
         bank: &PsfBank,
         picture: &LinearImage,
         placement: Placement,
+        cancel: &Cancel,
     ) -> Result<LinearImage, RenderError> {
         let layout = bank.layout();
         geometry.validate()?;
@@ -87,7 +91,9 @@ impl Wiener {
         let active = geometry.active_patches(&window);
         let kernels = patch_kernels(geometry, &layout, &bank.values, &active)?;
         let filters = self.filters(&kernels);
-        render_kernels(geometry, &filters, &picture.pad_replicate(filters.radius), placement)
+        cancel.check()?;
+        let padded = picture.pad_replicate(filters.radius);
+        render_kernels_unless(cancel, geometry, &filters, &padded, placement)
     }
 
     /// The filters of kernels.
@@ -266,7 +272,7 @@ mod tests {
         let scene = scene(96, 128);
         let blurred = render(&GEOMETRY, &bank, &scene.pad_replicate(border), Placement::default()).unwrap();
         let restored = Wiener { noise: 1e-4, ..Wiener::default() }
-            .restore(&GEOMETRY, &bank, &blurred, Placement::default())
+            .restore(&GEOMETRY, &bank, &blurred, Placement::default(), &Cancel::default())
             .unwrap();
         let inner = |image: &LinearImage| image.crop(12, 12, 72, 104).unwrap().data;
         let before = psnr(&inner(&scene), &inner(&blurred)).unwrap();
@@ -274,7 +280,9 @@ mod tests {
         assert!(after > before + 5.0, "{before} {after}");
         // Flat light stays as it is.
         let flat = LinearImage { data: vec![0.4; 3 * 96 * 128], ..scene };
-        let same = Wiener::default().restore(&GEOMETRY, &bank, &flat, Placement::default()).unwrap();
+        let same = Wiener::default()
+            .restore(&GEOMETRY, &bank, &flat, Placement::default(), &Cancel::default())
+            .unwrap();
         assert!(same.data.iter().all(|v| (v - 0.4).abs() < 4e-3));
     }
 
@@ -285,7 +293,7 @@ mod tests {
         let blurred = render(&GEOMETRY, &bank, &scene(96, 128).pad_replicate(border), Placement::default());
         let blurred = blurred.unwrap();
         let restore = |picture: &LinearImage, placement: Placement| {
-            Wiener::default().restore(&GEOMETRY, &bank, picture, placement).unwrap()
+            Wiener::default().restore(&GEOMETRY, &bank, picture, placement, &Cancel::default()).unwrap()
         };
         let whole = restore(&blurred, Placement::default()).crop(32, 48, 32, 32).unwrap().data;
         let of_window = |surround: usize| {

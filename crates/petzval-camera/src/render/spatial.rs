@@ -3,6 +3,7 @@
 //! Along a row the weights of the upper and the lower patches are constant, so their kernels are mixed first. A row then needs two
 //! convolutions, with the kernels left and right of it, which are blended by the column weights.
 
+use petzval_base::{Cancel, Cancelled};
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
@@ -130,11 +131,13 @@ pub(super) fn render_tiles(
     kernels: &PatchKernels,
     supports: &[Support],
     scene: &LinearImage,
-) -> Vec<Vec<f32>> {
+    cancel: &Cancel,
+) -> Result<Vec<Vec<f32>>, Cancelled> {
     let work = (0..set.len() * CHANNELS).into_par_iter();
     work.map(|work| {
+        cancel.check()?;
         let (tile, channel) = (work / CHANNELS, work % CHANNELS);
-        render_tile(set, kernels, &supports[tile], scene, tile, channel)
+        Ok(render_tile(set, kernels, &supports[tile], scene, tile, channel))
     })
     .collect()
 }

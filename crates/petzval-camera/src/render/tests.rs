@@ -132,6 +132,25 @@ fn a_psf_shifted_along_y_moves_light_radially_outward_at_any_azimuth() {
 }
 
 #[test]
+fn rendering_that_is_cancelled_stops_before_the_next_tile() {
+    let (geometry, b, cancel) = (geometry(), bank(5), Cancel::default());
+    cancel.set();
+    let (window, scene) =
+        (Window { placement: Placement::default(), height: 60, width: 84 }, random_scene(6, 60, 84));
+    let light = light_on_pixels(&geometry, &b, &scene, None, &window, 1, &cancel);
+    assert!(matches!(light, Err(RenderError::Stopped(_))));
+    let restored = Wiener::default().restore(&geometry, &b, &scene, Placement::default(), &cancel);
+    assert!(matches!(restored, Err(RenderError::Stopped(_))));
+    // Neither tiles by transforms nor those by the defining sum.
+    let kernels = patch_kernels(&geometry, &b.layout(), &b.values, &[true; 12]).unwrap();
+    let set = TileSet::new(&geometry, &window, radius(), Some(&kernels));
+    let padded = scene.pad_replicate(radius());
+    assert!(convolve::by_transforms(&set, &padded, &cancel).is_err());
+    let supports = spatial::supports(&set, &kernels);
+    assert!(spatial::render_tiles(&set, &kernels, &supports, &padded, &cancel).is_err());
+}
+
+#[test]
 fn fast_rendering_equals_the_direct_sum() {
     let (geometry, b) = (geometry(), bank(5));
     for (height, width, placement) in [
@@ -143,13 +162,15 @@ fn fast_rendering_equals_the_direct_sum() {
         let kernels = patch_kernels(&geometry, &b.layout(), &b.values, &[true; 12]).unwrap();
         let reference = render_direct(&geometry, &kernels, &scene, placement).unwrap();
         // Directly and by FFTs, whichever is chosen.
+        let cancel = Cancel::default();
         let window = Window { placement, height, width };
         let set = TileSet::new(&geometry, &window, radius(), Some(&kernels));
         let directly = set.assembled(
             &window,
-            spatial::render_tiles(&set, &kernels, &spatial::supports(&set, &kernels), &scene),
+            spatial::render_tiles(&set, &kernels, &spatial::supports(&set, &kernels), &scene, &cancel)
+                .unwrap(),
         );
-        let by_transforms = set.assembled(&window, convolve::by_transforms(&set, &scene));
+        let by_transforms = set.assembled(&window, convolve::by_transforms(&set, &scene, &cancel).unwrap());
         let chosen = render(&geometry, &b, &scene, placement).unwrap();
         for fast in [directly, by_transforms, chosen] {
             assert!(max_difference(&fast, &reference) < 2e-6);

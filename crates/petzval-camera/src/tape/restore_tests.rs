@@ -1,6 +1,7 @@
 use std::sync::Arc;
 
 use burn::prelude::*;
+use petzval_base::Cancel;
 
 use super::tests::{tensor, uniform, values};
 use super::*;
@@ -108,7 +109,7 @@ fn restoration_on_the_tape_is_its_reference() {
     let n = CHANNELS * HEIGHT * WIDTH;
     for (i, placement) in placements.into_iter().enumerate() {
         let picture = picture(&pictures, i, CHANNELS, HEIGHT, WIDTH);
-        let expected = wiener.restore(&geometry, &bank(), &picture, placement).unwrap();
+        let expected = wiener.restore(&geometry, &bank(), &picture, placement, &Cancel::default()).unwrap();
         assert_eq!(found[i * n..(i + 1) * n], expected.data);
     }
 }

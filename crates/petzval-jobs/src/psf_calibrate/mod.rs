@@ -85,11 +85,7 @@ impl From<PsfCalibrationError> for JobError {
                 "a folder of captures holds captures.toml and the frames it names; `petzval psf-capture` makes one",
             ),
             PsfCalibrationError::Io { path, error } => DesignError::io(&path)(error).into(),
-            other => {
-                let text = other.to_string();
-                let (message, hint) = text.split_once("; hint: ").unwrap_or((&text, ""));
-                Self::input(message, hint)
-            }
+            other => Self::input(other.to_string(), ""),
         }
     }
 }

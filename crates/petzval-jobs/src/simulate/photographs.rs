@@ -4,7 +4,6 @@ use std::borrow::Cow;
 
 use petzval_camera::image::LinearImage;
 use petzval_design::camera::Camera;
-use petzval_design::error::DesignError;
 
 use super::frame::Frame;
 use super::highlights::default_white_e;
@@ -102,7 +101,7 @@ impl Photographer {
                     Taken::new(&frames, camera.capture(&shot))?
                 }
                 _ => {
-                    let light = rig.light(&picture).map_err(DesignError::from)?;
+                    let light = rig.light(&picture, context.cancel())?;
                     Taken::of_light(request, rig, camera, &light, frame)?
                 }
             };

@@ -2,13 +2,14 @@
 
 use std::sync::Arc;
 
+use petzval_base::Cancel;
 use petzval_camera::develop::LinearIsp;
 use petzval_camera::develop::develop;
 use petzval_camera::image::{CHANNELS, LinearImage};
 use petzval_camera::psf::PsfBank;
 use petzval_camera::render::{
-    BlendError, Distortion, MAX_SIDE, Placement, RenderError, RenderGeometry, Window, kernel_radius,
-    light_on_pixels, with_patches_for,
+    BlendError, Distortion, MAX_SIDE, Placement, RenderGeometry, Window, kernel_radius, light_on_pixels,
+    with_patches_for,
 };
 use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
 use petzval_design::camera::{Body, Camera, Labels, PsfSource, Psfs, Shot};
@@ -223,9 +224,9 @@ impl Rig {
     }
 
     /// The light of a picture of [`Rig::frame`] on the pixels of the window.
-    pub fn light(&self, picture: &LinearImage) -> Result<LinearImage, RenderError> {
+    pub fn light(&self, picture: &LinearImage, cancel: &Cancel) -> Result<LinearImage, DesignError> {
         let (bank, distortion) = (self.psfs.bank(), self.distortion.as_ref());
-        light_on_pixels(&self.geometry, bank, picture, distortion, &self.window, self.samples)
+        Ok(light_on_pixels(&self.geometry, bank, picture, distortion, &self.window, self.samples, cancel)?)
     }
 
     /// A picture of [`Rig::frame`], of one sample a pixel, as a shot of the window.

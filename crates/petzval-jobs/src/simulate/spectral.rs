@@ -102,7 +102,9 @@ fn electrons(
     match opened {
         Opened::Bands(scene) => over_bands(request, rig, conditions, light, scene, name, context),
         // The matrix is the integral over the spectrum, only the PSFs are those of three wavelengths.
-        Opened::ThreeBands(photo) => Ok(ColourElectrons::of_rgb(&rig.light(photo)?, &light.white)),
+        Opened::ThreeBands(photo) => {
+            Ok(ColourElectrons::of_rgb(&rig.light(photo, context.cancel())?, &light.white))
+        }
     }
 }
 
@@ -272,9 +274,9 @@ fn over_bands(
     let done = |_band: usize| {
         count.set(count.get() + 1);
         context.progress(count.get(), total, name);
-        context.cancel().check()
     };
-    render_spectral(&conditions.lens, &conditions.plan, &rig.geometry, &bands, rig.window, &done)
+    let (lens, plan) = (&conditions.lens, &conditions.plan);
+    render_spectral(lens, plan, &rig.geometry, &bands, rig.window, &done, context.cancel())
 }
 
 /// A failure with the name of the scene in which it arose.

@@ -1,5 +1,6 @@
 //! Charts whose colours, noise and sharpness are known.
 
+use petzval_base::Cancel;
 use petzval_camera::image::{LinearImage, srgb_encode};
 use petzval_camera::isp::RgbPicture;
 use petzval_camera::psf::PsfBank;
@@ -124,7 +125,8 @@ fn mtf50_behind_a_lens(sigma_px: f64, samples: usize, as_points: bool) -> f64 {
     let geometry = RenderGeometry { sensor_height, sensor_width, pixel_um, patches: (1, 1) };
     let window =
         Window { placement: Placement { row: 0, col: 0 }, height: sensor_height, width: sensor_width };
-    let light = light_on_pixels(&geometry, &bank, &scene, None, &window, samples).unwrap();
+    let light =
+        light_on_pixels(&geometry, &bank, &scene, None, &window, samples, &Cancel::default()).unwrap();
     let data = light.data.iter().map(|v| (srgb_encode(v.clamp(0.0, 1.0)) * 65535.0).round() as u16).collect();
     let picture = RgbPicture { height: sensor_height, width: sensor_width, bits: 16, data };
     let figures = measure(&picture, &CHART, &wanted(), |at| at);

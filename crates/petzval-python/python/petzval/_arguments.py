@@ -78,6 +78,27 @@ def count(name: str, value: Any, hint: str = "a whole number, 0 or above") -> in
     return int(value)
 
 
+def array_of(name: str, values: Any, kind: Any) -> NDArray[Any]:
+    """Values as an array of this type.
+
+    Raises:
+        InputError: Some are masked.
+    """
+    check_unmasked(name, values)
+    return np.asarray(values, dtype=kind)
+
+
+def check_unmasked(name: str, values: Any) -> None:
+    """Fails if some values are masked: as a plain array they would count again.
+
+    Raises:
+        InputError: They are.
+    """
+    masked = int(np.sum(values.mask)) if isinstance(values, np.ma.MaskedArray) else 0
+    if masked > 0:
+        raise setting(name, f"with {masked} masked values", "masks some of its values", "fill them in, such as by filled(0.0), or leave them out")
+
+
 def reals(name: str, values: ArrayLike, *axes: str) -> Array:
     """Numbers as an array of these axes, or of any. For one axis a single number will do.
 
@@ -85,6 +106,7 @@ def reals(name: str, values: ArrayLike, *axes: str) -> Array:
         InputError: They are no real numbers, or have other axes.
     """
     hint = f"give numbers, [{', '.join(axes)}]" if axes else "give numbers"
+    check_unmasked(name, values)
     try:
         array = np.asarray(values)
     except (TypeError, ValueError) as error:

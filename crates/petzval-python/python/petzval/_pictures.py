@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval
+from ._arguments import check_unmasked
 from ._errors import InputError, setting
 from ._watch import watch
 
@@ -35,6 +36,7 @@ def given(picture: Picture, name: str = "picture") -> Given:
     """
     if isinstance(picture, str | os.PathLike):
         return os.fspath(picture)
+    check_unmasked(name, picture)
     try:
         array = np.asarray(picture)
     except (ValueError, TypeError) as error:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval
-from ._arguments import made_by, path_of
+from ._arguments import array_of, made_by, path_of
 from ._errors import InputError, Place
 from ._watch import watch
 from .raw_frame import FrameInfo, RawFrame
@@ -201,7 +201,7 @@ class Isp:
             Derivatives by the digital numbers, 1/DN, ``[y, x]``; and by the parameters, one over the unit of each, ``[parameter]``.
         """
         frame, numbers, theta = self._smooth(raw, info, values)
-        planes = np.asarray(cotangent, dtype=np.float32)
+        planes = array_of("cotangent", cotangent, np.float32)
         wanted = (*numbers.shape[1:], 3)
         if planes.shape != wanted:
             place = Place(key="cotangent", value=str(planes.shape))
@@ -217,12 +217,12 @@ class Isp:
             numbers = frame.linear_dn
         else:
             frame = RawFrame.like(_needed(info))
-            numbers = np.asarray(raw, dtype=np.float32)
+            numbers = array_of("raw", raw, np.float32)
         if numbers.ndim != 2:
             raise InputError(
                 f"raw: has {numbers.ndim} axes", place=Place(key="raw", value=str(numbers.shape)), hint="give [y, x]"
             )
-        theta = self.values(frame.gain_ev) if values is None else np.asarray(values, dtype=np.float64)
+        theta = self.values(frame.gain_ev) if values is None else array_of("values", values, np.float64)
         if theta.shape != (len(self.parameters),):
             place = Place(key="values", value=str(theta.shape))
             raise InputError(f"values: have the shape {theta.shape}", place=place, hint=f"give ({len(self.parameters)},)")

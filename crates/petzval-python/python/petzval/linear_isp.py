@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval
-from ._arguments import finite, shaped
+from ._arguments import array_of, finite, shaped
 from ._errors import InputError, Place
 from ._watch import watch
 from .sensors import SensorLike, sensor_input
@@ -90,8 +90,8 @@ class LinearIsp:
         Raises:
             InputError: A shape is wrong, or a value is not finite.
         """
-        numbers = np.asarray(raw, dtype=np.float32)
-        light = np.ones((*numbers.shape, 3), np.float32) if illumination is None else np.asarray(illumination, dtype=np.float32)
+        numbers = array_of("raw", raw, np.float32)
+        light = _light(illumination, (*numbers.shape, 3))
         if numbers.ndim != 2 or light.shape != (*numbers.shape, 3):
             shapes = f"{numbers.shape} and {light.shape}"
             place = Place(key="raw", value=shapes)
@@ -113,8 +113,8 @@ class LinearIsp:
         Returns:
             Derivatives by the digital numbers, 1/DN, ``[y, x]``, and by the illumination, ``[y, x, 3]``.
         """
-        numbers, planes = np.asarray(raw, dtype=np.float32), np.asarray(cotangent, dtype=np.float32)
-        light = np.ones(planes.shape, np.float32) if illumination is None else np.asarray(illumination, dtype=np.float32)
+        numbers, planes = array_of("raw", raw, np.float32), array_of("cotangent", cotangent, np.float32)
+        light = _light(illumination, planes.shape)
         if numbers.ndim != 2 or planes.shape != (*numbers.shape, 3) or light.shape != planes.shape:
             shapes = f"{numbers.shape}, {planes.shape} and {light.shape}"
             hint = "give [y, x], [y, x, 3] and [y, x, 3]"
@@ -134,3 +134,8 @@ def _again(plan: str) -> LinearIsp:
     with watch() as watching:
         isp._core = _petzval.LinearIsp(plan, watching)
     return isp
+
+
+def _light(illumination: ArrayLike | None, shape: tuple[int, ...]) -> Float32:
+    """Relative illumination; 1 everywhere if it is left out."""
+    return np.ones(shape, np.float32) if illumination is None else array_of("illumination", illumination, np.float32)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval
-from ._arguments import finite, path_of, shaped
+from ._arguments import array_of, finite, path_of, shaped
 from ._errors import InputError, Place
 from ._watch import watch
 from .sensors import SensorLike, sensor_input
@@ -240,7 +240,7 @@ def _mesh(key: str, values: ArrayLike | None, planes: int) -> dict[str, Any] | N
     """Planes of nodes as a calibration has them."""
     if values is None:
         return None
-    array = np.asarray(values, dtype=np.float64)
+    array = array_of(key, values, np.float64)
     if array.ndim != 3:
         place = Place(key=key, value=str(array.shape))
         raise InputError(f"{key}: has the shape {array.shape}", place=place, hint=f"give [{planes}, rows, cols]")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval
-from ._arguments import count, real, reals
+from ._arguments import check_unmasked, count, real, reals
 from ._errors import InputError, Place, setting
 from ._petzval import Cancel
 from ._watch import watch
@@ -327,6 +327,7 @@ def _pair(name: str, value: tuple[int, ...]) -> tuple[int, int]:
 
 def _picture(name: str, picture: ArrayLike) -> tuple[Picture, bool]:
     """A picture ``[y, x, colour]``, and whether it was given without colours."""
+    check_unmasked(name, picture)
     try:
         pixels: Picture = np.asarray(picture, dtype=np.float32)
     except (TypeError, ValueError) as error:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval, jobs
-from ._arguments import path_of
+from ._arguments import check_unmasked, path_of
 from ._errors import InputError, setting
 from ._petzval import Cancel
 from ._pictures import Picture, figure, given, read_picture
@@ -310,6 +310,7 @@ def _finished(seen: tuple[NDArray[np.float32], NDArray[np.float32], list[tuple[s
 
 
 def _numbers(raw: ArrayLike) -> NDArray[np.uint16]:
+    check_unmasked("raw", raw)
     try:
         array = np.asarray(raw)
     except (ValueError, TypeError) as error:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval
+from ._arguments import check_unmasked
 from ._errors import InputError, Place, setting
 from ._watch import watch
 
@@ -255,6 +256,7 @@ def _name(key: str, name: str) -> str:
 
 
 def _array(key: str, value: ArrayLike) -> Array:
+    check_unmasked(key, value)
     try:
         array = np.asarray(value)
     except (TypeError, ValueError) as error:

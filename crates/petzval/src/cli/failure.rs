@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::OnceLock;
 
-use crate::base::FileError;
+use crate::base::{FileError, reason_and_hint};
 use crate::cli::code::Code;
 use crate::jobs::{Fault, JobError, Stopped, text_of_file};
 use miette::{LabeledSpan, MietteDiagnostic, MietteHandlerOpts, NamedSource, Report};
@@ -96,10 +96,10 @@ impl Failure {
     }
 }
 
-/// A message with a hint, which may be empty. Errors of libraries have theirs at the end of the message, behind `; hint: `.
+/// A message with a hint. If the hint is empty, the message may be an error that writes its own as one text.
 fn diagnostic(message: &str, hint: &str) -> MietteDiagnostic {
     let (message, hint) = match hint {
-        "" => message.split_once("; hint: ").unwrap_or((message, "")),
+        "" => reason_and_hint(message),
         hint => (message, hint),
     };
     let diagnostic = MietteDiagnostic::new(plain::message(message));
