@@ -149,6 +149,7 @@ fn units_of(root: &Path, context: &Context) -> Result<Vec<UnitRow>, JobError> {
                         seconds: Some(failure.cost.seconds),
                         ..row
                     },
+                    UnitState::Damaged(error) => UnitRow { reason: Some(error.message), ..row },
                     UnitState::Done(result) => {
                         files = store.files(&result);
                         UnitRow { seconds: Some(result.cost.seconds), ..row }

@@ -25,6 +25,8 @@ pub enum Begun {
     Failed(Box<Failure>),
     /// Another process works on it.
     Elsewhere(Option<Claim>),
+    /// A file of its folder is damaged.
+    Damaged(Box<ErrorReport>),
 }
 
 /// Attempts of a unit after which it counts as failed: something ends every process that begins it.
@@ -47,6 +49,7 @@ impl Store {
             UnitState::Running { claim, .. } => return Ok(Begun::Elsewhere(claim)),
             UnitState::Failed(failure) if !retries => return Ok(Begun::Failed(failure)),
             UnitState::Failed(failure) => failure.attempt + 1,
+            UnitState::Damaged(error) => return Ok(Begun::Damaged(error)),
             UnitState::Waiting => 1,
             UnitState::Stopped { attempt } | UnitState::Stale { attempt, .. } => attempt + 1,
         };

@@ -45,7 +45,7 @@ pub use gather::{Joined, gather_tolerances, parts_of};
 pub use layer::{Disk, FileLayer};
 pub use petzval_design::run::Holder;
 pub use record::{Claim, Cost, Failure, STORE_FORMAT, StoredResult};
-pub use runner::{Outcome, RunOptions, Summary, run_all, run_unit};
+pub use runner::{Damage, Outcome, RunOptions, Summary, run_all, run_unit};
 pub use state::{Seen, State, UnitState};
 
 /// How often a claim is renewed.

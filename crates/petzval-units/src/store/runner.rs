@@ -6,7 +6,7 @@ use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant, SystemTime};
 
 use petzval_base::counted;
-use petzval_jobs::{Call, Context, Fault, JobError, Stopped, WarningKind};
+use petzval_jobs::{Call, Context, ErrorReport, Fault, JobError, Stopped, WarningKind};
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
@@ -40,8 +40,19 @@ pub enum Outcome {
     Failed(Box<Failure>),
     /// Another process works on it.
     Elsewhere,
+    /// A file of its folder in the store is damaged: it was not run.
+    Damaged(Box<ErrorReport>),
     /// It was stopped. The next process goes on from its checkpoint, or begins again where the job has none.
     Stopped(Box<Stopped>),
+}
+
+/// A unit of which a file in the store is damaged.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Damage {
+    /// Name of the unit.
+    pub unit: String,
+    /// Which file, what is wrong with it, and what to do.
+    pub error: ErrorReport,
 }
 
 /// How the units of a file ended.
@@ -53,6 +64,8 @@ pub struct Summary {
     pub done: usize,
     /// Units that have failed.
     pub failed: Vec<Failure>,
+    /// Units of which a file in the store is damaged.
+    pub damaged: Vec<Damage>,
     /// Names of units that other processes are working on.
     pub elsewhere: Vec<String>,
     /// How the run was stopped, if it was.
@@ -85,8 +98,8 @@ pub fn run_unit(
 
 /// Runs units one after another, each as [`run_unit`] does, until all have ended. Every unit is checked before the first is run.
 ///
-/// Units on which other processes work come last: they are waited for, and taken over if their process is gone. A unit that fails does not end the
-/// others. Once the context is cancelled, the running unit keeps its checkpoint and no other is begun. The store is opened
+/// Units on which other processes work come last: they are waited for, and taken over if their process is gone. A unit that fails or is damaged does
+/// not end the others. Once the context is cancelled, the running unit keeps its checkpoint and no other is begun. The store is opened
 /// once all units are checked, so that none is made for units that cannot be run.
 pub fn run_all(
     units: &[&Unit],
@@ -120,6 +133,9 @@ pub fn run_all(
                 Outcome::Done(_) => summary.done += 1,
                 Outcome::Failed(failure) => summary.failed.push(*failure),
                 Outcome::Elsewhere => others.push(*unit),
+                Outcome::Damaged(error) => {
+                    summary.damaged.push(Damage { unit: unit.unit.name.clone(), error: *error });
+                }
                 Outcome::Stopped(stopped) => summary.stopped = Some(*stopped),
             }
         }
@@ -163,6 +179,7 @@ pub(crate) fn run_prepared(
         Begun::Done(result) => return Ok(Outcome::There(result)),
         Begun::Failed(failure) => return Ok(Outcome::Failed(failure)),
         Begun::Elsewhere(_) => return Ok(Outcome::Elsewhere),
+        Begun::Damaged(error) => return Ok(Outcome::Damaged(error)),
     };
     context.note(match attempt.number() {
         1 => format!("unit {}", prepared.unit.name),

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::time::Duration;
 
+use petzval_jobs::{ErrorReport, JobError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -39,6 +40,8 @@ pub enum UnitState {
     Failed(Box<Failure>),
     /// It has a result.
     Done(Box<StoredResult>),
+    /// A file of its folder holds what this program does not write there. It is neither run nor counted.
+    Damaged(Box<ErrorReport>),
 }
 
 /// How a unit stands, in one word.
@@ -55,14 +58,16 @@ pub enum State {
     Stopped,
     /// It has failed.
     Failed,
+    /// A file of its folder holds what this program does not write there.
+    Damaged,
     /// Nobody has begun it.
     Waiting,
 }
 
 impl State {
     /// All, in the order in which they are counted.
-    pub const ALL: [Self; 6] =
-        [Self::Done, Self::Running, Self::Stale, Self::Stopped, Self::Failed, Self::Waiting];
+    pub const ALL: [Self; 7] =
+        [Self::Done, Self::Running, Self::Stale, Self::Stopped, Self::Failed, Self::Damaged, Self::Waiting];
 
     /// In one word.
     pub fn word(self) -> &'static str {
@@ -72,6 +77,7 @@ impl State {
             Self::Stale => "stale",
             Self::Stopped => "stopped",
             Self::Failed => "failed",
+            Self::Damaged => "damaged",
             Self::Waiting => "waiting",
         }
     }
@@ -87,6 +93,7 @@ impl UnitState {
             Self::Stopped { .. } => State::Stopped,
             Self::Failed(_) => State::Failed,
             Self::Done(_) => State::Done,
+            Self::Damaged(_) => State::Damaged,
         }
     }
 }
@@ -112,8 +119,17 @@ impl Seen {
 
 impl Store {
     /// Where a unit stands, as this process sees it. A claim of another machine counts as stale if `seen` has known it unchanged for
-    /// [`STALE_AFTER`].
+    /// [`STALE_AFTER`]. Fails if the store cannot be read; a damaged unit is no such failure.
     pub fn state(&self, key: &Key, seen: &mut Seen) -> Result<UnitState, StoreError> {
+        match self.state_by_files(key, seen) {
+            Err(damage @ StoreError::Wrong { .. }) => {
+                Ok(UnitState::Damaged(Box::new(JobError::from(damage).report())))
+            }
+            state => state,
+        }
+    }
+
+    fn state_by_files(&self, key: &Key, seen: &mut Seen) -> Result<UnitState, StoreError> {
         if let Some(result) = self.result(key)? {
             return Ok(UnitState::Done(Box::new(result)));
         }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use petzval_base::Cancel;
-use petzval_jobs::JobError;
+use petzval_jobs::{ErrorReport, JobError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -27,7 +27,7 @@ pub struct UnitStatus {
     pub seconds: Option<f64>,
     /// CPU seconds of all its attempts, s.
     pub cpu_seconds: Option<f64>,
-    /// Why it failed, with the hint.
+    /// Why it failed or what is damaged, with the hint.
     pub error: Option<String>,
 }
 
@@ -38,6 +38,13 @@ pub struct SweepStatus {
     pub title: String,
     /// Units, in the order of the sweep.
     pub units: Vec<UnitStatus>,
+}
+
+impl UnitStatus {
+    /// Whether it will have no result by itself.
+    pub fn has_error(&self) -> bool {
+        matches!(self.state, State::Failed | State::Damaged)
+    }
 }
 
 impl SweepStatus {
@@ -96,12 +103,12 @@ pub fn status(
                 holder: failure.cost.holder.to_string(),
                 seconds: Some(failure.cost.seconds),
                 cpu_seconds: Some(failure.cost.all_cpu_seconds),
-                error: Some(match failure.error.hint.as_str() {
-                    "" => failure.error.message.clone(),
-                    hint => format!("{} (hint: {hint})", failure.error.message),
-                }),
+                error: Some(in_one_text(&failure.error)),
                 ..bare
             },
+            UnitState::Damaged(error) => {
+                UnitStatus { state: State::Damaged, error: Some(in_one_text(&error)), ..bare }
+            }
             UnitState::Done(result) => UnitStatus {
                 state: State::Done,
                 attempt: result.attempt,
@@ -113,4 +120,12 @@ pub fn status(
         });
     }
     Ok(SweepStatus { title: sweep.title.clone(), units })
+}
+
+/// An error with its hint.
+fn in_one_text(error: &ErrorReport) -> String {
+    match error.hint.as_str() {
+        "" => error.message.clone(),
+        hint => format!("{} (hint: {hint})", error.message),
+    }
 }

@@ -48,7 +48,7 @@ pub fn view(gathered: &Gathered, choice: &Choice, again: &str) -> Result<SweepVi
         figures: shown.iter().map(|k| cell(&gathered.figures[*k], row.figures[*k])).collect(),
         best: shown.iter().map(|k| gathered.is_best(row, *k)).collect(),
     };
-    let failed = gathered.status.units.iter().filter(|unit| unit.state == State::Failed);
+    let failed = gathered.status.units.iter().filter(|unit| unit.has_error());
     let cpu: f64 = gathered.status.units.iter().filter_map(|unit| unit.cpu_seconds).sum();
     Ok(SweepView {
         title: gathered.title.clone(),

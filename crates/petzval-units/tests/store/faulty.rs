@@ -6,7 +6,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use petzval_jobs::JobError;
 use petzval_units::store::{
-    Attempt, Begun, Clock, Disk, Holder, Outcome, RunOptions, STALE_AFTER, Seen, Store, StoreError, run_unit,
+    Attempt, Begun, Clock, Disk, Holder, Outcome, RunOptions, STALE_AFTER, Seen, Store, StoreError, run_all,
+    run_unit,
 };
 use petzval_units::unit::{Prepared, Unit};
 use serde_json::json;
@@ -24,7 +25,7 @@ fn run(store: &Store, unit: &Prepared, pid: u32, seen: &mut Seen) -> Result<Opti
     let mut attempt: Box<Attempt> = match store.begin(unit, &holder(pid), false, seen)? {
         Begun::Mine(attempt) => attempt,
         Begun::Done(result) => return Ok(Some(result.attempt)),
-        Begun::Elsewhere(_) | Begun::Failed(_) => return Ok(None),
+        Begun::Elsewhere(_) | Begun::Failed(_) | Begun::Damaged(_) => return Ok(None),
     };
     if let Some((earlier, has_ended)) = attempt.earlier()?.first() {
         attempt.take_over(earlier, *has_ended)?;
@@ -144,13 +145,18 @@ fn a_damaged_result_and_that_of_another_unit_are_refused_until_the_folder_is_tak
     let of_other = std::fs::read_to_string(store.folder(&second.key).join("result.json")).unwrap();
     for (text, says) in [(of_other.as_str(), "the result of another unit, \"other\""), ("{", "EOF")] {
         std::fs::write(&place, text).unwrap();
-        let error = run(&one).err().unwrap().report();
+        let Outcome::Damaged(error) = run(&one).unwrap() else { panic!() };
         assert!(error.message.contains(says), "{error:?}");
         assert!(
             error.message.contains("result.json") && error.hint.contains("take its folder away"),
             "{error:?}"
         );
     }
+    // The others go on.
+    let third = trivial("third", 3.0);
+    let summary = run_all(&[&one, &third, &other], || Ok(store.clone()), &context(), options).unwrap();
+    let names: Vec<&str> = summary.damaged.iter().map(|damaged| damaged.unit.as_str()).collect();
+    assert_eq!((summary.done, summary.there, names), (1, 1, vec!["one"]));
     std::fs::remove_dir_all(store.folder(&first.key)).unwrap();
     let Outcome::Done(again) = run(&one).unwrap() else { panic!() };
     assert_eq!((again.key, again.response), (first.key, first.response));

@@ -61,7 +61,7 @@ pub fn run(kept: &KeptSweep, root: &Path, options: &Options, stop: &Cancel) -> R
     }
     let status = status(kept, root, &mut seen, &Cancel::default())?;
     outln!("{}", status.in_words());
-    for unit in status.units.iter().filter(|unit| unit.state == State::Failed) {
+    for unit in status.units.iter().filter(|unit| unit.has_error()) {
         outln!("  {}", plain::message(&format!("{}: {}", unit.name, unit.error.clone().unwrap_or_default())));
     }
     let done = status.count(State::Done);

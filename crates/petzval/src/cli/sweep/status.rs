@@ -55,7 +55,7 @@ pub fn run(args: &Args) -> Result<Code, Failure> {
             outln!("{text}");
             last = text;
         }
-        if now.count(State::Done) + now.count(State::Failed) == now.units.len() {
+        if now.units.iter().all(|unit| unit.state == State::Done || unit.has_error()) {
             return Ok(Code::SUCCESS);
         }
         std::thread::sleep(AGAIN);

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::base::counted;
 use crate::cli::code::Code;
 use crate::jobs::Context;
-use crate::units::store::{Failure as FailedUnit, RunOptions, Store, Summary, run_all};
+use crate::units::store::{RunOptions, Store, Summary, run_all};
 use crate::units::unit::{Shard, Unit, UnitFile, read_units, shard_of_environment};
 
 use super::super::failure::Failure;
@@ -144,7 +144,7 @@ pub(super) fn context(file: &Path, terminal: &Terminal) -> Result<Context, Failu
 }
 
 fn in_words(units: usize, summary: &Summary) -> String {
-    let Summary { there, done, failed, elsewhere, stopped } = summary;
+    let Summary { there, done, failed, damaged, elsewhere, stopped } = summary;
     let mut text = format!("{}: {done} done, {there} done before", counted(units, "unit"));
     if !failed.is_empty() {
         text += &format!(", {} failed", failed.len());
@@ -152,7 +152,11 @@ fn in_words(units: usize, summary: &Summary) -> String {
     if !elsewhere.is_empty() {
         text += &format!(", {} with other processes", elsewhere.len());
     }
-    for FailedUnit { unit, error, .. } in failed {
+    if !damaged.is_empty() {
+        text += &format!(", {} damaged", damaged.len());
+    }
+    let errors = failed.iter().map(|failed| (&failed.unit, &failed.error));
+    for (unit, error) in errors.chain(damaged.iter().map(|damaged| (&damaged.unit, &damaged.error))) {
         text += &format!("\n  {unit}: {}", error.message);
         if !error.hint.is_empty() {
             text += &format!("\n    hint: {}", error.hint);
@@ -173,7 +177,7 @@ fn in_words(units: usize, summary: &Summary) -> String {
 fn ending(summary: &Summary) -> Code {
     if summary.stopped.is_some() {
         Code::STOPPED
-    } else if summary.failed.is_empty() {
+    } else if summary.failed.is_empty() && summary.damaged.is_empty() {
         Code::SUCCESS
     } else {
         Code::FAILURE

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::cli::code::Code;
-use crate::jobs::JobError;
+use crate::jobs::{ErrorReport, JobError};
 use crate::units::store::{Claim, Cost, Failure as FailedUnit, Seen, Store, UnitState};
 use serde::Serialize;
 
@@ -37,6 +37,8 @@ struct Row {
     #[serde(skip_serializing_if = "Option::is_none")]
     failure: Option<Box<FailedUnit>>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    damage: Option<Box<ErrorReport>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     cost: Option<Cost>,
 }
 
@@ -49,6 +51,7 @@ pub fn run(args: Args) -> Result<Code, Failure> {
     for row in &rows {
         let more = match row {
             Row { failure: Some(failure), .. } => failure.error.message.clone(),
+            Row { damage: Some(damage), .. } => damage.message.clone(),
             Row { claim: Some(claim), .. } => format!("{} since {}", claim.holder, claim.began),
             Row { cost: Some(cost), .. } => format!("{:.1} s", cost.seconds),
             _ => String::new(),
@@ -57,7 +60,7 @@ pub fn run(args: Args) -> Result<Code, Failure> {
         outln!("{}", plain::line(line.trim_end()));
     }
     let count = |state: &str| rows.iter().filter(|row| row.state == state).count();
-    let counts = ["done", "running", "stopped", "stale", "failed"].map(|state| (state, count(state)));
+    let counts = ["done", "running", "stopped", "stale", "failed", "damaged"].map(|state| (state, count(state)));
     let counts: Vec<String> =
         counts.iter().filter(|(_, n)| *n > 0).map(|(state, n)| format!("{n} {state}")).collect();
     outln!("{}", if counts.is_empty() { "no unit was begun here".to_owned() } else { counts.join(", ") });
@@ -69,7 +72,8 @@ fn rows(args: &Args) -> Result<Vec<Row>, JobError> {
     let mut seen = Seen::default();
     let mut rows = Vec::new();
     for key in store.keys()? {
-        let unit = store.unit(&key)?;
+        // What cannot be read has no name; its state says why.
+        let unit = store.unit(&key).ok().flatten();
         let (name, job) = unit.map_or_else(Default::default, |unit| (unit.name, unit.call.job));
         let state = store.state(&key, &mut seen)?;
         let bare = Row {
@@ -80,6 +84,7 @@ fn rows(args: &Args) -> Result<Vec<Row>, JobError> {
             attempt: None,
             claim: None,
             failure: None,
+            damage: None,
             cost: None,
         };
         rows.push(match state {
@@ -92,6 +97,7 @@ fn rows(args: &Args) -> Result<Vec<Row>, JobError> {
                 let (attempt, cost) = (Some(failure.attempt), Some(failure.cost.clone()));
                 Row { attempt, cost, failure: Some(failure), ..bare }
             }
+            UnitState::Damaged(damage) => Row { damage: Some(damage), ..bare },
             UnitState::Done(result) => Row { attempt: Some(result.attempt), cost: Some(result.cost), ..bare },
         });
     }
