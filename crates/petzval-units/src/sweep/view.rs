@@ -10,7 +10,6 @@ use petzval_report::sweep_page::{
 };
 
 use super::gather::{FigureColumn, Gathered, GatheredRow, Spread, UnitResult, in_words};
-use crate::store::State;
 
 /// Figures that the page shows of a job whose numbers have no description.
 const SHOWN_FIGURES: usize = 8;

@@ -60,7 +60,8 @@ pub fn run(args: Args) -> Result<Code, Failure> {
         outln!("{}", plain::line(line.trim_end()));
     }
     let count = |state: &str| rows.iter().filter(|row| row.state == state).count();
-    let counts = ["done", "running", "stopped", "stale", "failed", "damaged"].map(|state| (state, count(state)));
+    let counts =
+        ["done", "running", "stopped", "stale", "failed", "damaged"].map(|state| (state, count(state)));
     let counts: Vec<String> =
         counts.iter().filter(|(_, n)| *n > 0).map(|(state, n)| format!("{n} {state}")).collect();
     outln!("{}", if counts.is_empty() { "no unit was begun here".to_owned() } else { counts.join(", ") });
