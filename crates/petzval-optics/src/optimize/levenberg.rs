@@ -6,7 +6,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::analysis::{Analysis, Linearised, analyse, linearise, obstacle};
+use super::analysis::{Analysis, KeptLimit, Linearised, analyse, linearise, obstacle};
 use super::descent_state::{DescentProgress, DescentState, Stop};
 use super::problem::Problem;
 use crate::design_space::{DesignSpace, DesignSpaceError};
@@ -105,6 +105,26 @@ fn bounded_step(at: &[f64], bounds: &[[f64; 2]], model: &Linearised, damping: f6
     Some(next)
 }
 
+/// As [`bounded_step`], and not through a constraint that the lens keeps: the penalty of each that the step would break is added to the model,
+/// and the step solved for again.
+fn limited_step(at: &[f64], bounds: &[[f64; 2]], model: &Linearised, damping: f64) -> Option<Vec<f64>> {
+    let mut next = bounded_step(at, bounds, model, damping)?;
+    let mut stiffer = model.clone();
+    while !stiffer.kept.is_empty() {
+        let step = DVector::from_fn(at.len(), |i, _| next[i] - at[i]);
+        let kept = std::mem::take(&mut stiffer.kept);
+        let (broken, kept): (Vec<KeptLimit>, Vec<KeptLimit>) =
+            kept.into_iter().partition(|k| k.after(&step) > 0.0);
+        stiffer.kept = kept;
+        if broken.is_empty() {
+            break;
+        }
+        broken.iter().for_each(|k| stiffer.add(k.residual_um, &k.row));
+        next = bounded_step(at, bounds, &stiffer, damping)?;
+    }
+    Some(next)
+}
+
 /// Goes down from coordinates `start`; `watch` sees every accepted lens and says whether to go on.
 pub(super) fn descend_from(
     problem: &Problem,
@@ -140,7 +160,7 @@ fn go_down(
         let mut found: Option<(Analysis, Vec<f64>, f64)> = None;
         let attempt = |factor: f64, found: &mut Option<(Analysis, Vec<f64>, f64)>| {
             let tried = (damping * factor).clamp(1e-12, 1e12);
-            let Some(next) = bounded_step(at, space.bounds(), &model, tried) else { return };
+            let Some(next) = limited_step(at, space.bounds(), &model, tried) else { return };
             let Ok(lens) = space.lens_at(&next) else { return };
             let Some(analysis) = analyse(problem, lens, Some(best)) else { return };
             let to_beat = found.as_ref().map_or(best.merit, |(a, ..)| a.merit);
