@@ -14,6 +14,7 @@ use petzval_optics::design_space::{EflSolve, Pickup, Variable};
 use petzval_optics::glass::{Catalog, Dispersion, Glass};
 use petzval_optics::lens::{LensDefect, ObjectDistance, Surface, SurfaceShape, validate, xy_index};
 use petzval_optics::number::Number;
+use petzval_optics::paraxial::first_order;
 
 fn data(folder: &str) -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data").join(folder);
@@ -553,6 +554,34 @@ const PLATE: &str = "name = \"plate\"\nunits = \"mm\"\n[aperture]\nentrance_pupi
     [fields]\nangle_deg = [0.0, 20.0]\n[[surface]]\nstop = true\nradius_mm = inf\nthickness_mm = 20.0\n\
     [[surface]]\nradius_mm = inf\nthickness_mm = 2.0\nglass = \"N-BK7\"\n\
     [[surface]]\nradius_mm = inf\nthickness_mm = 30.0\nsemi_diameter_mm = 9.0\n";
+
+/// A concave mirror of 50 mm with its stop at the focus: chief rays of a near object are parallel to the axis.
+#[test]
+fn an_entrance_pupil_at_infinity_is_refused_with_the_numbers_of_one_far_away() {
+    let text = |[to_stop, to_image, pupil]: [&str; 3]| {
+        format!(
+            "name = \"telecentric\"\nunits = \"mm\"\n[aperture]\nentrance_pupil_diameter_mm = {pupil}\n[object]\ndistance_mm = 150.0\n\
+             [wavelengths]\num = [0.55]\n[fields]\nangle_deg = [0.0, 1.0]\n\
+             [[surface]]\nradius_mm = -100.0\nthickness_mm = {to_stop}\nmirror = true\nsemi_diameter_mm = 12.0\n\
+             [[surface]]\nstop = true\nradius_mm = inf\nthickness_mm = {to_image}\nsemi_diameter_mm = 4.0\n"
+        )
+    };
+    let error = parse_lens(&text(["-50.0", "-25.0", "8.0"]), &Catalog::default()).unwrap_err();
+    assert_eq!((error.line, error.key.as_str()), (Some(4), "entrance_pupil_diameter_mm"), "{error}");
+    let hint = error.hint.unwrap();
+    assert!(error.message.contains("telecentric") && hint.contains("fills 4 mm"), "{hint}");
+    // What the hint says is a lens whose beam fills the stop.
+    let words: Vec<&str> = hint.split([' ', ',']).collect();
+    let after = |word: &str, nth: usize| {
+        let at = words.iter().enumerate().filter(|(_, w)| **w == word).map(|(i, _)| i).nth(nth).unwrap();
+        words[at + 1]
+    };
+    let stated = [after("=", 0), after("and", 0), after("=", 1)];
+    let lens = parse_lens(&text(stated), &Catalog::default()).unwrap().file.lens;
+    let order = first_order(&lens.at_wavelength(lens.reference_um));
+    assert!((order.stop_radius_mm.abs() - 4.0).abs() < 1e-4, "{stated:?}: {}", order.stop_radius_mm);
+    assert!(order.entrance_pupil_at_mm.abs() > 1e7);
+}
 
 #[test]
 fn semi_diameters_that_a_file_leaves_out_follow_from_the_fields() {

@@ -7,7 +7,7 @@ use super::text::{
     ExpectText, ExpectedText, LensText, Placed, SolveText, SurfaceText, VariableText, WavelengthsText,
 };
 use super::{Expect, Expected, ExpectedSpots, LensFile};
-use crate::draft::{Import, with_open_surfaces};
+use crate::draft::{Import, is_exactly_telecentric, with_open_surfaces, with_stop_beside_focus};
 use crate::glass_toml::read_glasses;
 use crate::spanned::Spanned;
 use crate::wavelength::{OPTICAL_UM, wavelength_hint, wavelength_message};
@@ -16,6 +16,7 @@ use petzval_optics::design_space::{EflSolve, Pickup, Variable};
 use petzval_optics::glass::Catalog;
 use petzval_optics::lens::{Lens, LensDefect, ObjectDistance, Surface, traceable, validate};
 use petzval_optics::number::Number;
+use petzval_optics::paraxial::first_order;
 use petzval_optics::solve::with_length;
 
 /// Default reference wavelength, the helium d line, um.
@@ -72,6 +73,7 @@ pub fn parse_lens_start(text: &str, catalog: &Catalog) -> Result<Import, FileErr
     };
     lens.fields_deg = reader.fields(&file.fields.angle_deg, lens.object, lens.is_rotationally_symmetric())?;
     traceable(&lens).map_err(|defect| reader.defect(&defect, &file))?;
+    reader.check_entrance_pupil(&lens, &file)?;
     let is_open = |i: &usize| file.surface[*i].get_ref().semi_diameter_mm.is_none();
     let open: Vec<usize> = (0..file.surface.len()).filter(is_open).collect();
     let (lens, losses, flaw) =
@@ -137,6 +139,33 @@ impl Reader<'_> {
                 Err(self.error("stop", span, message).hint("a lens has one stop"))
             }
         }
+    }
+
+    /// Refuses an entrance pupil at infinity, whose diameter says nothing; the hint has the numbers of one that is far away.
+    fn check_entrance_pupil(&self, lens: &Lens, file: &LensText) -> Result<(), FileError> {
+        if !is_exactly_telecentric(lens) {
+            return Ok(());
+        }
+        let key = "entrance_pupil_diameter_mm";
+        let message = "the stop is exactly at the focus in front of it (telecentric): an entrance pupil at infinity has no diameter";
+        let error = self.error(key, file.aperture.entrance_pupil_diameter_mm.span(), message);
+        let Some((moved, _)) = with_stop_beside_focus(lens) else {
+            return Err(error.hint("move the stop a little off the focus of what is in front of it"));
+        };
+        let [before, stop] = [lens.stop - 1, lens.stop];
+        let thickness_mm = |surface: usize| moved.surfaces[surface].thickness_mm;
+        // The radius of the stop is in proportion to the diameter of the pupil.
+        let radius_mm = first_order(&moved.at_wavelength(moved.reference_um)).stop_radius_mm.abs();
+        let clear_mm = file.surface[stop].get_ref().semi_diameter_mm.as_ref().map(|semi| semi.get_ref().0);
+        let filled_mm = clear_mm.unwrap_or(1.0);
+        Err(error.hint(format!(
+            "with thickness_mm = {} on surface {} and {} on surface {}, {key} = {:.6e} fills {filled_mm} mm of the stop's radius",
+            thickness_mm(before),
+            before + 1,
+            thickness_mm(stop),
+            stop + 1,
+            moved.entrance_pupil_mm * filled_mm / radius_mm
+        )))
     }
 
     fn object(&self, file: &LensText) -> Result<ObjectDistance, FileError> {
