@@ -10,7 +10,7 @@ use std::sync::Arc;
 use common::special_lenses;
 use petzval_base::FileError;
 use petzval_files::{Expect, Expected, ExpectedSpots, LensFile, parse_lens, parse_lens_start, write_lens};
-use petzval_optics::design_space::{EflSolve, Pickup, Variable};
+use petzval_optics::design_space::{EflSolve, MagnificationSolve, Pickup, Variable};
 use petzval_optics::glass::{Catalog, Dispersion, Glass};
 use petzval_optics::lens::{LensDefect, ObjectDistance, Surface, SurfaceShape, validate, xy_index};
 use petzval_optics::number::Number;
@@ -180,6 +180,7 @@ fn every_number_of_a_lens_file_keeps_its_bits() {
             }],
             pickups: Vec::new(),
             efl_solve: Some(EflSolve { surface: 0, efl_mm, radius_mm: None }),
+            magnification_solve: None,
             length_solve: None,
         };
         let text = write_lens(&file);
@@ -232,6 +233,7 @@ fn writing_and_reading_keeps_special_surfaces() {
             variables: vec![variable],
             pickups: if two { vec![pickup] } else { Vec::new() },
             efl_solve: None,
+            magnification_solve: None,
             length_solve: two.then_some((2, 50.3)),
         };
         let text = write_lens(&file);
@@ -599,6 +601,30 @@ fn semi_diameters_that_a_file_leaves_out_follow_from_the_fields() {
     // Once written, they are stated.
     let written = parse_lens_start(&write_lens(&import.file), &Catalog::default()).unwrap();
     assert!(written.open.is_empty() && written.file.lens == import.file.lens);
+}
+
+#[test]
+fn a_radius_holds_the_magnification_of_a_near_object() {
+    let near = nominal().replace("distance_mm = inf", "distance_mm = 120.0");
+    let near = near.split("[expect]").next().unwrap().replace(
+        "efl = { surface = 7, efl_mm = 25.04003827951391, radius_mm = [-15.05, -11.5] }",
+        "magnification = { surface = 7, magnification = -0.25, radius_mm = [-15.05, -11.5] }",
+    );
+    let file = parse_lens(&near, &catalog()).unwrap();
+    let solve = MagnificationSolve { surface: 6, magnification: -0.25, radius_mm: Some([-15.05, -11.5]) };
+    assert_eq!((file.efl_solve, file.magnification_solve), (None, Some(solve)));
+    assert_eq!(parse_lens(&write_lens(&file), &Catalog::default()).unwrap().magnification_solve, Some(solve));
+    let refused = |from: &str, to: &str| {
+        assert!(near.contains(from), "{from}");
+        let error = parse_lens(&near.replace(from, to), &catalog()).unwrap_err();
+        format!("{error} {}", error.hint.clone().unwrap_or_default())
+    };
+    let said = refused("distance_mm = 120.0", "distance_mm = inf");
+    assert!(said.contains("no magnification") && said.contains("efl_mm"), "{said}");
+    let both = "[solve]\nefl = { surface = 7, efl_mm = 25.0 }";
+    assert!(refused("[solve]", both).contains("not both"));
+    assert!(refused("magnification = -0.25", "magnification = 0.0").contains("magnification of 0"));
+    assert!(refused("surface = 7, magn", "surface = 6, magn").contains("a variable already"));
 }
 
 #[test]

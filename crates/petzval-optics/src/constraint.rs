@@ -337,7 +337,7 @@ impl fmt::Display for Constraint {
             Self::AirEdge { surface, .. } => write!(f, "air at the edge behind surface {}", surface + 1),
             Self::Reach { surface } => write!(f, "reach of the shape of surface {}", surface + 1),
             Self::SolvedRadius { .. } => {
-                write!(f, "bounds of the radius that holds the focal length, as a sag")
+                write!(f, "bounds of the radius that is solved for, as a sag")
             }
             Self::FocalLength { .. } => write!(f, "focal length"),
             Self::BackFocal { .. } => write!(f, "back focal length"),

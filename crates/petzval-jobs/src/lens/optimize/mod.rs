@@ -311,7 +311,9 @@ fn note_held_radius(problem: &Problem, file: &LensFile, goal: &Goal, context: &C
         (Some(solve), _) if file.efl_solve.is_none() => {
             held(solve.surface, format!("the focal length of {:.4} mm", solve.efl_mm));
         }
-        (_, Some(solve)) => held(solve.surface, format!("the magnification of {:.4}", solve.magnification)),
+        (_, Some(solve)) if file.magnification_solve.is_none() => {
+            held(solve.surface, format!("the magnification of {:.4}", solve.magnification));
+        }
         (None, None) if goal.efl.is_none() => {
             context.note("the focal length is not held: the lens is afocal, or no radius can hold it");
         }
