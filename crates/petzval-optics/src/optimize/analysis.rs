@@ -120,19 +120,21 @@ pub(super) struct Linearised {
     /// Half the Hessian of Gauss and Newton.
     pub hessian: DMatrix<f64>,
     /// Further constraints of the problem that are kept: their penalties begin where a step breaks them.
-    pub kept: Vec<KeptLimit>,
+    pub kept: Vec<LimitRow>,
+    /// The constraints that are broken: their penalties are part of the model.
+    pub broken: Vec<(Constraint, LimitRow)>,
 }
 
-/// A constraint that a lens keeps, to first order about it.
+/// A constraint to first order about a lens.
 #[derive(Clone, Debug)]
-pub(super) struct KeptLimit {
-    /// Its residual, um, negative where it is kept.
+pub(super) struct LimitRow {
+    /// Its residual, um, negative where the lens keeps it.
     pub residual_um: f64,
     /// Derivatives of the residual by the coordinates.
     pub row: DVector<f64>,
 }
 
-impl KeptLimit {
+impl LimitRow {
     /// The residual after a step, um.
     pub fn after(&self, step: &DVector<f64>) -> f64 {
         self.residual_um + self.row.dot(step)
@@ -140,6 +142,18 @@ impl KeptLimit {
 }
 
 impl Linearised {
+    /// The model with the residuals of broken constraints corrected by what a step has shown: what they are `there`, less what the model says of
+    /// them. A limit is curved, and a step along its tangent leaves it.
+    pub fn bent(&self, step: &DVector<f64>, there: &Analysis, stiffness_um_per_mm: f64) -> Self {
+        let mut bent = self.clone();
+        for (constraint, limit) in &self.broken {
+            let excess =
+                there.violations.iter().find(|(found, _)| found == constraint).map_or(0.0, |(_, mm)| *mm);
+            bent.gradient.axpy(stiffness_um_per_mm * excess - limit.after(step), &limit.row, 1.0);
+        }
+        bent
+    }
+
     /// Adds the square of a residual with its derivatives by the coordinates.
     pub fn add(&mut self, residual_um: f64, row: &DVector<f64>) {
         self.gradient.axpy(residual_um, row, 1.0);
@@ -262,7 +276,7 @@ pub(super) fn linearise(
         hessian += lifted_hessian(goal, residual_um, by_lens, mapped, numbers)
             .unwrap_or_else(|| &row * row.transpose());
     }
-    let mut model = Linearised { gradient, hessian, kept: Vec::new() };
+    let mut model = Linearised { gradient, hessian, kept: Vec::new(), broken: Vec::new() };
     let clear = clear_radii(problem, &analysis.lens, &analysis.landings);
     let stiffness = problem.stiffness_um_per_mm;
     let row_of = |constraint: &Constraint| {
@@ -275,6 +289,7 @@ pub(super) fn linearise(
         let row = row_of(constraint)?;
         model.gradient += &row * (stiffness * stiffness * excess);
         model.hessian += &row * row.transpose() * (stiffness * stiffness);
+        model.broken.push((*constraint, LimitRow { residual_um: stiffness * excess, row: row * stiffness }));
     }
     // Figures of the whole lens, which bounds of operands limit. The spots of a design come to its requirements by steps that are short anyway, and
     // those behind every surface or of traced light would cost more than they bring.
@@ -292,8 +307,8 @@ pub(super) fn linearise(
         // The other end of a range is as far from this one as the range is wide.
         let other_end = constraint
             .range_mm()
-            .map(|range_mm| KeptLimit { residual_um: -residual_um - stiffness * range_mm, row: -&row });
-        model.kept.push(KeptLimit { residual_um, row });
+            .map(|range_mm| LimitRow { residual_um: -residual_um - stiffness * range_mm, row: -&row });
+        model.kept.push(LimitRow { residual_um, row });
         model.kept.extend(other_end);
     }
     Some(model)

@@ -670,7 +670,7 @@ fn decentres_and_tilts_come_back() {
         ..Problem::new(lens)
     };
     assert_eq!(problem.sides(), crate::pupil::Sides::Both);
-    let options = LevenbergOptions { iterations: 60, tolerance: 1e-14 };
+    let options = LevenbergOptions { iterations: 60, tolerance: 1e-14, ..Default::default() };
     let descent = descend(&problem, &options, &mut |_, _, _| true).unwrap();
     let placement = descent.best.lens.surfaces[5].placement.unwrap();
     let off = placement.decenter_mm.iter().chain(&placement.tilt_rad);
