@@ -14,7 +14,7 @@ use petzval_base::{Cancel, reason_and_hint};
 use petzval_camera::isp::IspError;
 use petzval_files::{LensFile, write_lens};
 use petzval_learn::guest::GuestError;
-use petzval_optics::design_space::EflSolve;
+use petzval_optics::design_space::{EflSolve, MagnificationSolve};
 use petzval_optics::lens::{Lens, validate};
 use petzval_optics::number::Number;
 use petzval_optics::paraxial::image_height_per_tangent;
@@ -713,13 +713,15 @@ impl DesignLoop {
     /// widened to the radius then, because a lens outside its bounds cannot be read again.
     fn lens_text(&self, variant: &Variant, lens: &Lens) -> String {
         let file = self.setup.start(variant).lens_file.clone();
-        let widened = |solve: EflSolve| {
-            let radius = Number::Curvature.read_stated(lens, solve.surface);
-            let radius_mm = solve.radius_mm.map(|[min, max]| [min.min(radius), max.max(radius)]);
-            EflSolve { radius_mm, ..solve }
+        let widened = |surface: usize, radius_mm: Option<[f64; 2]>| {
+            let radius = Number::Curvature.read_stated(lens, surface);
+            radius_mm.map(|[min, max]| [min.min(radius), max.max(radius)])
         };
-        let efl_solve = file.efl_solve.map(widened);
-        write_lens(&LensFile { lens: lens.clone(), expect: None, efl_solve, ..file })
+        let efl_solve = file.efl_solve.map(|s| EflSolve { radius_mm: widened(s.surface, s.radius_mm), ..s });
+        let magnification_solve = file
+            .magnification_solve
+            .map(|s| MagnificationSolve { radius_mm: widened(s.surface, s.radius_mm), ..s });
+        write_lens(&LensFile { lens: lens.clone(), expect: None, efl_solve, magnification_solve, ..file })
     }
 
     /// Scores a variant, keeps its lens, network and pictures, and makes room for the next.

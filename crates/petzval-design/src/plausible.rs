@@ -7,6 +7,7 @@ use petzval_base::{FileError, pasted};
 use petzval_camera::sensor::Colour;
 use petzval_optics::number::Number;
 use petzval_optics::paraxial::{first_order, image_brightness};
+use petzval_optics::solve::magnification;
 
 use crate::assets::Text;
 use crate::error::DesignError;
@@ -91,18 +92,27 @@ fn drifting_lenses(setup: &Setup) -> Vec<String> {
             !matches!(number, Number::Conic | Number::SemiDiameter)
                 && !matches!(number, Number::Asphere(term) if term > 0)
         };
-        file.efl_solve.is_none() && file.variables.iter().any(|variable| first_order(variable.number))
+        file.solves().curvature().is_none()
+            && file.variables.iter().any(|variable| first_order(variable.number))
     };
     let warning = |v: &Variant| {
         let lens = &setup.start(v).lens_file.lens;
-        let order = first_order(&lens.at_wavelength(lens.reference_um));
+        let last = lens.surfaces.len();
+        let [what, kind, solve] = match magnification(lens) {
+            Some(m) => {
+                let solve = format!("magnification = {{ surface = {last}, magnification = {m:.4}");
+                ["magnification".to_owned(), "magnification".to_owned(), solve]
+            }
+            None => {
+                let efl_mm = first_order(&lens.at_wavelength(lens.reference_um)).efl_mm;
+                let solve = format!("efl = {{ surface = {last}, efl_mm = {efl_mm:.4}");
+                ["focal length".to_owned(), "focal-length".to_owned(), solve]
+            }
+        };
         format!(
-            "{}: its variables change the focal length, and it has no focal-length solve: the cameras that move it may end at another \
-             focal length and f-number than those they are compared with (hint: add to the lens file: [solve] efl = {{ surface = {}, \
-             efl_mm = {:.4} }})",
+            "{}: its variables change the {what}, and it has no {kind} solve: the cameras that move it may end at another \
+             {what} and f-number than those they are compared with (hint: add to the lens file: [solve] {solve} }})",
             v.lens,
-            lens.surfaces.len(),
-            order.efl_mm
         )
     };
     moving.into_iter().filter(drifts).map(warning).collect()
@@ -114,10 +124,15 @@ fn usual_variables(setup: &Setup) -> Vec<String> {
     let mut names: Vec<&String> =
         moved.filter(|v| !setup.start(v).names_variables).map(|v| &v.lens).collect();
     names.dedup();
+    let held = |name: &String| {
+        let of_it = setup.variants.iter().find(|v| v.lens == *name);
+        of_it.map_or("", |v| setup.start(v).lens_file.solves().held_in_words())
+    };
     let warning = |name: &String| {
         format!(
             "{name}: the file names no variables: curvatures move within a fifth, gaps of air by a quarter, coefficients by a half, and the last radius \
-             holds the focal length (hint: `petzval init --lens {}` writes them into a file to edit)",
+             holds {} (hint: `petzval init --lens {}` writes them into a file to edit)",
+            held(name),
             pasted(Path::new(name))
         )
     };

@@ -8,6 +8,7 @@ use super::toml_number::exact_degrees;
 use petzval_base::FileError;
 
 use super::LensFile;
+use petzval_optics::design_space::Solves;
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
 
@@ -29,7 +30,7 @@ pub(super) fn lose_the_rest(file: &LensFile, losses: &mut Losses) {
     if !file.pickups.is_empty() {
         lose("[[pickup]]");
     }
-    if file.efl_solve.is_some() || file.length_solve.is_some() {
+    if file.solves() != Solves::default() {
         lose("[solve]");
     }
     if file.expect.is_some() {

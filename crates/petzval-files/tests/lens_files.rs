@@ -10,10 +10,11 @@ use std::sync::Arc;
 use common::special_lenses;
 use petzval_base::FileError;
 use petzval_files::{Expect, Expected, ExpectedSpots, LensFile, parse_lens, parse_lens_start, write_lens};
-use petzval_optics::design_space::{EflSolve, Pickup, Variable};
+use petzval_optics::design_space::{EflSolve, MagnificationSolve, Pickup, Variable};
 use petzval_optics::glass::{Catalog, Dispersion, Glass};
 use petzval_optics::lens::{LensDefect, ObjectDistance, Surface, SurfaceShape, validate, xy_index};
 use petzval_optics::number::Number;
+use petzval_optics::paraxial::first_order;
 
 fn data(folder: &str) -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data").join(folder);
@@ -179,6 +180,7 @@ fn every_number_of_a_lens_file_keeps_its_bits() {
             }],
             pickups: Vec::new(),
             efl_solve: Some(EflSolve { surface: 0, efl_mm, radius_mm: None }),
+            magnification_solve: None,
             length_solve: None,
         };
         let text = write_lens(&file);
@@ -231,6 +233,7 @@ fn writing_and_reading_keeps_special_surfaces() {
             variables: vec![variable],
             pickups: if two { vec![pickup] } else { Vec::new() },
             efl_solve: None,
+            magnification_solve: None,
             length_solve: two.then_some((2, 50.3)),
         };
         let text = write_lens(&file);
@@ -554,6 +557,34 @@ const PLATE: &str = "name = \"plate\"\nunits = \"mm\"\n[aperture]\nentrance_pupi
     [[surface]]\nradius_mm = inf\nthickness_mm = 2.0\nglass = \"N-BK7\"\n\
     [[surface]]\nradius_mm = inf\nthickness_mm = 30.0\nsemi_diameter_mm = 9.0\n";
 
+/// A concave mirror of 50 mm with its stop at the focus: chief rays of a near object are parallel to the axis.
+#[test]
+fn an_entrance_pupil_at_infinity_is_refused_with_the_numbers_of_one_far_away() {
+    let text = |[to_stop, to_image, pupil]: [&str; 3]| {
+        format!(
+            "name = \"telecentric\"\nunits = \"mm\"\n[aperture]\nentrance_pupil_diameter_mm = {pupil}\n[object]\ndistance_mm = 150.0\n\
+             [wavelengths]\num = [0.55]\n[fields]\nangle_deg = [0.0, 1.0]\n\
+             [[surface]]\nradius_mm = -100.0\nthickness_mm = {to_stop}\nmirror = true\nsemi_diameter_mm = 12.0\n\
+             [[surface]]\nstop = true\nradius_mm = inf\nthickness_mm = {to_image}\nsemi_diameter_mm = 4.0\n"
+        )
+    };
+    let error = parse_lens(&text(["-50.0", "-25.0", "8.0"]), &Catalog::default()).unwrap_err();
+    assert_eq!((error.line, error.key.as_str()), (Some(4), "entrance_pupil_diameter_mm"), "{error}");
+    let hint = error.hint.unwrap();
+    assert!(error.message.contains("telecentric") && hint.contains("fills 4 mm"), "{hint}");
+    // What the hint says is a lens whose beam fills the stop.
+    let words: Vec<&str> = hint.split([' ', ',']).collect();
+    let after = |word: &str, nth: usize| {
+        let at = words.iter().enumerate().filter(|(_, w)| **w == word).map(|(i, _)| i).nth(nth).unwrap();
+        words[at + 1]
+    };
+    let stated = [after("=", 0), after("and", 0), after("=", 1)];
+    let lens = parse_lens(&text(stated), &Catalog::default()).unwrap().file.lens;
+    let order = first_order(&lens.at_wavelength(lens.reference_um));
+    assert!((order.stop_radius_mm.abs() - 4.0).abs() < 1e-4, "{stated:?}: {}", order.stop_radius_mm);
+    assert!(order.entrance_pupil_at_mm.abs() > 1e7);
+}
+
 #[test]
 fn semi_diameters_that_a_file_leaves_out_follow_from_the_fields() {
     let import = parse_lens_start(PLATE, &catalog()).unwrap();
@@ -570,6 +601,30 @@ fn semi_diameters_that_a_file_leaves_out_follow_from_the_fields() {
     // Once written, they are stated.
     let written = parse_lens_start(&write_lens(&import.file), &Catalog::default()).unwrap();
     assert!(written.open.is_empty() && written.file.lens == import.file.lens);
+}
+
+#[test]
+fn a_radius_holds_the_magnification_of_a_near_object() {
+    let near = nominal().replace("distance_mm = inf", "distance_mm = 120.0");
+    let near = near.split("[expect]").next().unwrap().replace(
+        "efl = { surface = 7, efl_mm = 25.04003827951391, radius_mm = [-15.05, -11.5] }",
+        "magnification = { surface = 7, magnification = -0.25, radius_mm = [-15.05, -11.5] }",
+    );
+    let file = parse_lens(&near, &catalog()).unwrap();
+    let solve = MagnificationSolve { surface: 6, magnification: -0.25, radius_mm: Some([-15.05, -11.5]) };
+    assert_eq!((file.efl_solve, file.magnification_solve), (None, Some(solve)));
+    assert_eq!(parse_lens(&write_lens(&file), &Catalog::default()).unwrap().magnification_solve, Some(solve));
+    let refused = |from: &str, to: &str| {
+        assert!(near.contains(from), "{from}");
+        let error = parse_lens(&near.replace(from, to), &catalog()).unwrap_err();
+        format!("{error} {}", error.hint.clone().unwrap_or_default())
+    };
+    let said = refused("distance_mm = 120.0", "distance_mm = inf");
+    assert!(said.contains("no magnification") && said.contains("efl_mm"), "{said}");
+    let both = "[solve]\nefl = { surface = 7, efl_mm = 25.0 }";
+    assert!(refused("[solve]", both).contains("not both"));
+    assert!(refused("magnification = -0.25", "magnification = 0.0").contains("magnification of 0"));
+    assert!(refused("surface = 7, magn", "surface = 6, magn").contains("a variable already"));
 }
 
 #[test]

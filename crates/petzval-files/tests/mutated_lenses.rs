@@ -132,6 +132,7 @@ fn seeds() -> (Vec<String>, Vec<String>) {
             variables: vec![],
             pickups: vec![],
             efl_solve: None,
+            magnification_solve: None,
             length_solve: None,
         };
         for (to, export) in [(&mut zmx, write_zmx(&file, &catalog)), (&mut seq, write_seq(&file, &catalog))] {

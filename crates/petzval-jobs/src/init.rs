@@ -10,7 +10,7 @@ use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, PicturesKey, comme
 use petzval_design::fit::{demands, white_that_fits};
 use petzval_design::path_text::path_text;
 use petzval_files::{parse_lens, parse_sensor, write_lens};
-use petzval_optics::design_space::{Solves, near_variables};
+use petzval_optics::design_space::near_variables;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -185,14 +185,13 @@ fn as_it_is(
 ) -> Result<OwnLens, JobError> {
     let lens = experiment.lens.clone();
     let mut file = context.assets.lens(&lens)?;
-    let solves = Solves { efl: file.efl_solve, length: file.length_solve, ..Solves::default() };
-    let usual = if file.variables.is_empty() { near_variables(&file.lens, &solves) } else { None };
+    let usual = if file.variables.is_empty() { near_variables(&file.lens, &file.solves()) } else { None };
     let gave_variables = usual.is_some();
     // The text of a file that needs no change keeps its comments.
     let is_ours = Path::new(&lens).extension().is_none_or(|ending| ending == "toml");
     let lens_text = match usual {
-        Some((variables, solve)) => {
-            (file.variables, file.efl_solve) = (variables, Some(solve));
+        Some((variables, solves)) => {
+            file.give(variables, &solves);
             write_lens(&file)
         }
         None if is_ours => context.assets.text("lens", "lenses", &lens)?.text,

@@ -137,6 +137,18 @@ impl Constraint {
         self.evaluate(lens, clear, None)
     }
 
+    /// The width of its range, mm, where it bounds a figure from both sides: what it is beyond the end further away is the negative of
+    /// [`Constraint::excess_mm`], less this.
+    pub fn range_mm(&self) -> Option<f64> {
+        match *self {
+            Self::FocalLength { between_mm: [min, max] } | Self::BackFocal { between_mm: [min, max] } => {
+                Some(max - min)
+            }
+            Self::ChiefHeight { tolerance_mm, .. } => Some(2.0 * tolerance_mm),
+            _ => None,
+        }
+    }
+
     /// The gradient of [`Constraint::excess_mm`] times a factor.
     pub fn gradient(&self, lens: &Lens, clear: &dyn ClearRadii, factor: f64) -> Option<LensGradient> {
         let mut gradient = LensGradient::zero(lens.surfaces.len());
@@ -209,7 +221,7 @@ impl Constraint {
                 let sequence = sequence();
                 let found = first_order(&sequence).efl_mm;
                 if let Some((bar, g)) = pull {
-                    let efl = if found > max { bar } else { -bar };
+                    let efl = if found - max > min - found { bar } else { -bar };
                     pull_back_first_order(&sequence, FirstOrderCotangent { efl, ..Default::default() }, g);
                 }
                 Some((found - max).max(min - found))
@@ -218,7 +230,7 @@ impl Constraint {
                 let (sequence, direction) = (sequence(), direction_of_light(lens, last));
                 let found = direction * first_order(&sequence).bfl_mm;
                 if let Some((bar, g)) = pull {
-                    let sign = if found > max { direction } else { -direction };
+                    let sign = if found - max > min - found { direction } else { -direction };
                     let bars = FirstOrderCotangent { bfl: bar * sign, ..Default::default() };
                     pull_back_first_order(&sequence, bars, g);
                 }
@@ -325,7 +337,7 @@ impl fmt::Display for Constraint {
             Self::AirEdge { surface, .. } => write!(f, "air at the edge behind surface {}", surface + 1),
             Self::Reach { surface } => write!(f, "reach of the shape of surface {}", surface + 1),
             Self::SolvedRadius { .. } => {
-                write!(f, "bounds of the radius that holds the focal length, as a sag")
+                write!(f, "bounds of the radius that is solved for, as a sag")
             }
             Self::FocalLength { .. } => write!(f, "focal length"),
             Self::BackFocal { .. } => write!(f, "back focal length"),

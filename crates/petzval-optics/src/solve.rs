@@ -23,6 +23,14 @@ pub fn with_magnification(lens: &Lens, surface: usize, magnification: f64) -> Op
     with_curvature(lens, surface, 1.0 / magnification, slope)
 }
 
+/// The paraxial magnification of a near object at the reference wavelength, negative for an inverted image; `None` for an object at infinity, or
+/// whose image is there.
+pub fn magnification(lens: &Lens) -> Option<f64> {
+    let ObjectDistance::Finite(distance_mm) = lens.object else { return None };
+    let found = -image_height_per_tangent(&lens.at_wavelength(lens.reference_um)) / distance_mm;
+    Some(found).filter(|m| m.is_finite() && *m != 0.0)
+}
+
 /// The lens with a curvature for which a slope, linear in it, is as wanted.
 fn with_curvature(
     lens: &Lens,

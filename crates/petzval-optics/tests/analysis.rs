@@ -171,6 +171,22 @@ fn the_contrast_merit_by_waves_is_the_analysed_mtf() {
     }
 }
 
+/// Far out of focus a few rays land near the chief ray, on a grid of pupil cells; they must not pass for the whole light.
+#[test]
+fn the_contrast_merit_by_rays_counts_the_light_beyond_its_grid() {
+    let sharp = nominal_triplet();
+    let value = |off_mm: f64| {
+        let lens = sharp.with_image_distance(sharp.image_distance_mm() + off_mm);
+        let merit = Mtf::new(&lens, 40.0, PsfKind::Geometric).with_fields(FieldSet::new(&lens, &[0.0]));
+        merit.value(&lens).unwrap()
+    };
+    assert!(value(0.0) > 0.7, "{}", value(0.0));
+    // A disk of more than a millimetre: 1 % of its light or less is on the grid of 0.2 mm.
+    for off_mm in [10.0, 20.0, 40.0, -10.0] {
+        assert!(value(off_mm) < 0.02, "{off_mm}: {}", value(off_mm));
+    }
+}
+
 #[test]
 fn through_focus_is_refocusing() {
     let lens = nominal_triplet();

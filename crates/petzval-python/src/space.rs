@@ -86,18 +86,21 @@ pub fn refused(error: &DesignSpaceError) -> JobError {
 impl Plan {
     fn solves_and_variables(&self, file: &LensFile) -> Result<(Solves, Vec<Variable>), JobError> {
         let lens = &file.lens;
-        let mut solves = Solves { efl: file.efl_solve, length: file.length_solve, ..Solves::default() };
+        let mut solves = file.solves();
         let usual = near_variables(lens, &solves);
         if let Some(surface) = self.efl_surface {
             let order = petzval_optics::paraxial::first_order(&lens.at_wavelength(lens.reference_um));
             solves.efl = Some(EflSolve { surface, efl_mm: order.efl_mm, radius_mm: None });
+            solves.magnification = None;
         }
         let own = (!file.variables.is_empty()).then(|| file.variables.clone());
         let variables = match (&self.variables, own, usual) {
             (Some(stated), ..) => stated.iter().map(|one| one.variable(lens)).collect::<Result<_, _>>()?,
             (None, Some(own), _) => own,
-            (None, None, Some((near, solve))) => {
-                solves.efl = solves.efl.or(Some(solve));
+            (None, None, Some((near, held))) => {
+                if solves.curvature().is_none() {
+                    solves = held;
+                }
                 near
             }
             (None, None, None) => {
@@ -106,11 +109,10 @@ impl Plan {
             }
         };
         if self.is_efl_free {
-            solves.efl = None;
+            (solves.efl, solves.magnification) = (None, None);
         }
-        let settled = |v: &Variable| {
-            solves.efl.is_none_or(|solve| (solve.surface, Number::Curvature) != (v.surface, v.number))
-        };
+        let solved = solves.curvature().map(|(surface, _)| (surface, Number::Curvature));
+        let settled = |v: &Variable| solved != Some((v.surface, v.number));
         Ok((solves, variables.into_iter().filter(settled).collect()))
     }
 

@@ -16,7 +16,7 @@ use std::path::Path;
 
 use petzval_camera::sensor::SensorModel;
 use petzval_files::{Import, LensFile};
-use petzval_optics::design_space::{Solves, near_variables};
+use petzval_optics::design_space::near_variables;
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::number::Number;
 use petzval_optics::paraxial::first_order;
@@ -141,11 +141,10 @@ pub fn fit(of: FitOf, assets: &Assets) -> Result<Fitted, DesignError> {
     warnings.extend(grid::lost_light(&experiment.psf, &picked.model, &in_colours(&own.lens))?);
     notes.extend(sensor::fit_exposure(&mut experiment.exposure, &picked));
 
-    let solves = Solves { efl: own.efl_solve, length: own.length_solve, ..Solves::default() };
-    let usual = if own.variables.is_empty() { near_variables(&own.lens, &solves) } else { None };
+    let usual = if own.variables.is_empty() { near_variables(&own.lens, &own.solves()) } else { None };
     let gave_variables = usual.is_some();
-    if let Some((variables, solve)) = usual {
-        (own.variables, own.efl_solve) = (variables, Some(solve));
+    if let Some((variables, solves)) = usual {
+        own.give(variables, &solves);
         notes.push(variables_in_words(&own));
     }
     let moves = experiment.variants().iter().any(|variant| variant.steps_of(BlockName::Optics) > 0);
@@ -231,9 +230,11 @@ fn variables_in_words(file: &LensFile) -> String {
         (n, "gap of air") => format!("{n} gaps of air"),
         (n, name) => format!("{n} {name}s"),
     });
-    let solved = file.efl_solve.map_or(0, |solve| solve.surface + 1);
+    let solves = file.solves();
+    let solved = solves.curvature().map_or(0, |(surface, _)| surface + 1);
     format!(
-        "the file names no variables: it is given {}; the radius of surface {solved} holds the focal length",
-        named.collect::<Vec<_>>().join(", ")
+        "the file names no variables: it is given {}; the radius of surface {solved} holds {}",
+        named.collect::<Vec<_>>().join(", "),
+        solves.held_in_words()
     )
 }

@@ -156,7 +156,9 @@ pub(super) fn fit_exposure(exposure: &mut ExposureConfig, picked: &Picked) -> Op
         return lowered;
     }
     exposure.white_e = round(f64::from(exposure.white_e)) as f32;
-    Some(format!("exposure.white_e = {} in place of {before}: pixels have another area", exposure.white_e))
+    let white_e = exposure.white_e;
+    (white_e != before)
+        .then(|| format!("exposure.white_e = {white_e} in place of {before}: pixels have another area"))
 }
 
 /// Lowers the electrons of white where a pixel of the sensor saturates before; returns what to say then.
@@ -214,6 +216,28 @@ mod tests {
         let picked = Picked { name, model, is_fitted: true, pixel_area, before_mm: corner_mm(&imx249()) };
         let said = picked.in_words(&reach, "my lenses/tele.seq");
         assert!(said.contains("(`petzval init --lens 'my lenses/tele.seq' --sensor NAME` takes"), "{said}");
+    }
+
+    #[test]
+    fn white_follows_the_area_of_a_pixel_and_is_said_where_it_differs() {
+        let fitted = |pixel_area: f64| {
+            let model = SensorModel { full_well_e: pixel_area * 33723.0, ..imx249() };
+            let picked = Picked {
+                name: String::new(),
+                model,
+                is_fitted: true,
+                pixel_area,
+                before_mm: corner_mm(&imx249()),
+            };
+            let mut exposure = ExposureConfig::default();
+            let said = fit_exposure(&mut exposure, &picked);
+            (exposure.white_e, said)
+        };
+        // Pixels of 5.78 um in place of 5.86 um: 15 566 electrons, which are the same to two digits.
+        assert_eq!(fitted((5.78_f64 / 5.86).powi(2)), (16_000.0, None));
+        let (white_e, said) = fitted(0.25);
+        assert_eq!(white_e, 4000.0);
+        assert!(said.unwrap().contains("white_e = 4000 in place of 16000"));
     }
 
     #[test]

@@ -33,7 +33,8 @@ impl Requirements {
         let chief = chief_ray(&in_focus.at_wavelength(in_focus.reference_um), corner_field_rad)
             .ok_or(DesignError::NoLight { field_deg: corner_field_rad.to_degrees() })?;
         let mut constraints = config.of_lens(lens);
-        let solved = nominal.efl_solve.and_then(|solve| Some((solve.surface, solve.radius_mm?)));
+        let solved =
+            nominal.solves().curvature().and_then(|(surface, radius_mm)| Some((surface, radius_mm?)));
         constraints
             .extend(solved.map(|(surface, radius_mm)| Constraint::SolvedRadius { surface, radius_mm }));
         constraints.push(Constraint::ChiefHeight {

@@ -8,7 +8,8 @@ use petzval_camera::sensor::SensorModel;
 use petzval_files::LensFile;
 use petzval_optics::constraint::passing_share;
 use petzval_optics::design_space::{
-    DesignSpace, DesignSpaceError, EflSolve, Focus, SmoothSpace, Solves, Variable, near_variables,
+    DesignSpace, DesignSpaceError, EflSolve, Focus, MagnificationSolve, SmoothSpace, Solves, Variable,
+    near_variables,
 };
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::merit::{Merit, SpotResiduals};
@@ -72,8 +73,8 @@ pub struct StartOf<'a> {
 
 impl Start {
     /// Reads a lens, or makes the [`PERFECT_LENS`] or the [`BOX_CENTRE_LENS`], and its design space. With a free field of view the radius that
-    /// its file solves for the focal length is a variable within the bounds of the solve. A lens that `moves` and whose file names no variables
-    /// gets the usual ones near its own numbers, and a solve that holds its focal length.
+    /// its file solves for is a variable within the bounds of the solve. A lens that `moves` and whose file names no variables
+    /// gets the usual ones near its own numbers, and a solve that holds its focal length or, of a near object, its magnification.
     pub fn new(
         StartOf { lens: name, field, moves, stated_brightness }: StartOf,
         experiment: &Experiment,
@@ -96,21 +97,21 @@ impl Start {
             _ => assets.lens(name)?,
         };
         let names_variables = !lens_file.variables.is_empty();
-        let solves = Solves { efl: lens_file.efl_solve, length: lens_file.length_solve, ..Solves::default() };
         if moves
             && !names_variables
-            && let Some((variables, solve)) = near_variables(&lens_file.lens, &solves)
+            && let Some((variables, solves)) = near_variables(&lens_file.lens, &lens_file.solves())
         {
-            lens_file.variables = variables;
-            lens_file.efl_solve = Some(solve);
+            lens_file.give(variables, &solves);
         }
-        if let Some(solve) = lens_file.efl_solve.take_if(|_| field == FieldOfView::Free) {
-            let [min, max] = solve.radius_mm.ok_or_else(|| {
+        if let Some((surface, radius_mm)) = lens_file.solves().curvature()
+            && field == FieldOfView::Free
+        {
+            let [min, max] = radius_mm.ok_or_else(|| {
                 let message = "the radius that is solved for has no bounds, within which it could be free";
-                DesignError::misfit(Path::new(name), &message, "add radius_mm = [min, max] to its efl solve")
+                DesignError::misfit(Path::new(name), &message, "add radius_mm = [min, max] to its solve")
             })?;
-            let (surface, number) = (solve.surface, Number::Curvature);
-            lens_file.variables.push(Variable { surface, number, min, max });
+            (lens_file.efl_solve, lens_file.magnification_solve) = (None, None);
+            lens_file.variables.push(Variable { surface, number: Number::Curvature, min, max });
         }
         // Spots and pictures are scored in the same colours.
         let mut colours = experiment.psf.wavelengths_um.to_vec();
@@ -231,6 +232,8 @@ impl Start {
         let file = &self.lens_file;
         // The requirements hold the bounds of the radius that is solved for.
         let efl = file.efl_solve.map(|solve| EflSolve { radius_mm: None, ..solve });
+        let magnification =
+            file.magnification_solve.map(|solve| MagnificationSolve { radius_mm: None, ..solve });
         let merit = self.spots(&lens);
         let (spot_weight, goals) = match goal {
             LensGoal::Spot => (1.0, Vec::new()),
@@ -244,7 +247,7 @@ impl Start {
             goals,
             variables: file.variables.clone(),
             pickups: file.pickups.clone(),
-            solves: Solves { efl, length: file.length_solve, ..Solves::default() },
+            solves: Solves { efl, magnification, ..file.solves() },
             focus: self.space.space().focus(),
             merit,
             further: self.requirements.constraints().to_vec(),
@@ -280,7 +283,7 @@ fn in_focus(lens: &Lens, plan: &PsfPlan) -> Option<Lens> {
 
 /// The design space of a lens file.
 fn space_of(file: &LensFile, focus: Focus) -> Result<SmoothSpace, DesignSpaceError> {
-    let solves = Solves { efl: file.efl_solve, length: file.length_solve, ..Solves::default() };
+    let solves = file.solves();
     let (lens, variables, pickups) = (file.lens.clone(), file.variables.clone(), file.pickups.clone());
     SmoothSpace::new(DesignSpace::new(lens, variables, pickups, solves, focus)?)
 }

@@ -420,9 +420,10 @@ fn changes(nominal: &LensFile, after: &Lens) -> Vec<Change> {
             let (from, to) = (number.read_stated(before, i), number.read_stated(after, i));
             let moved = a.shape.curvature != b.shape.curvature || number == Number::Thickness;
             if moved && from != to && !listed(number) {
-                let solved = nominal.efl_solve.filter(|s| s.surface == i && number == Number::Curvature);
-                let [min, max] =
-                    solved.and_then(|s| s.radius_mm).unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+                let solved = nominal.solves().curvature();
+                let solved = solved.filter(|(surface, _)| *surface == i && number == Number::Curvature);
+                let bounds = solved.and_then(|(_, radius_mm)| radius_mm);
+                let [min, max] = bounds.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
                 all.push(Change {
                     parameter: format!("{} (follows)", full_name(before, i, number)),
                     from,

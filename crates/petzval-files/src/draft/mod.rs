@@ -22,6 +22,7 @@ pub(super) use item::{Break, Clear, Drafted, Item, Offset};
 pub(super) use place::{check_angles, is_bend, undone};
 pub(super) use power::{in_mm, set_powers};
 pub(super) use record::{Record, line_end};
+pub(super) use telecentric::{is_exactly_telecentric, with_stop_beside_focus};
 
 use super::loss::{Effect, Loss, Losses};
 use crate::wavelength::{OPTICAL_UM, wavelength_message};

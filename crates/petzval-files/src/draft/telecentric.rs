@@ -10,22 +10,33 @@ use crate::loss::{Effect, Losses};
 /// object's height over the focal length, far below any pupil aberration.
 const STEP: f64 = 1e-6;
 
-/// Moves the stop of a lens for a near object off the focus of what is in front of it.
-///
-/// Exactly there the entrance pupil is at infinity (telecentric), and no diameter says how large it is. Only a plane without effect can move.
-pub(super) fn off_the_focus(mut lens: Lens, drafted: &[Drafted], losses: &mut Losses) -> Lens {
-    let sequence = lens.at_wavelength(lens.reference_um);
+/// Whether the stop of a lens for a near object stands exactly at the focus of what is in front of it: its entrance pupil is at infinity
+/// (telecentric), and no diameter says how large it is.
+pub(crate) fn is_exactly_telecentric(lens: &Lens) -> bool {
+    let radius_mm = || first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm;
+    lens.object != ObjectDistance::Infinity && radius_mm() == 0.0
+}
+
+/// A lens whose stop stands exactly at that focus, with the stop a little behind it, and by how much it moved, mm; `None` if the stop is no
+/// plane that can move.
+pub(crate) fn with_stop_beside_focus(lens: &Lens) -> Option<(Lens, f64)> {
     let stop = lens.stop;
-    let is_exact = lens.object != ObjectDistance::Infinity && first_order(&sequence).stop_radius_mm == 0.0;
-    let Some(before) = stop.checked_sub(1).filter(|_| is_exact && lens.is_idle_plane(stop)) else {
-        return lens;
-    };
+    let before = stop.checked_sub(1).filter(|_| lens.is_idle_plane(stop))?;
     // A ray parallel to the axis crosses it at the stop, with the slope 1 / f.
-    let slope = paraxial_ray(&sequence, 1.0, 0.0).w[stop];
+    let slope = paraxial_ray(&lens.at_wavelength(lens.reference_um), 1.0, 0.0).w[stop];
     let light = if lens.light_goes_forwards(stop) { 1.0 } else { -1.0 };
     let step_mm = light * STEP / slope.abs();
-    lens.surfaces[before].thickness_mm += step_mm;
-    lens.surfaces[stop].thickness_mm -= step_mm;
+    let mut moved = lens.clone();
+    moved.surfaces[before].thickness_mm += step_mm;
+    moved.surfaces[stop].thickness_mm -= step_mm;
+    Some((moved, step_mm))
+}
+
+/// Moves the stop of a lens for a near object off the focus of what is in front of it, if it stands exactly there and can move.
+pub(super) fn off_the_focus(lens: Lens, drafted: &[Drafted], losses: &mut Losses) -> Lens {
+    let found = is_exactly_telecentric(&lens).then(|| with_stop_beside_focus(&lens)).flatten();
+    let Some((lens, step_mm)) = found else { return lens };
+    let stop = lens.stop;
     let record = &drafted[stop].record;
     let message = format!(
         "the stop is exactly at the focus in front of it (telecentric), and moves {:.1e} mm off it: an entrance pupil at infinity has no size",

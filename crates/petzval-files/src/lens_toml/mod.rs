@@ -58,7 +58,7 @@ pub use parameter::parameter_name;
 pub use read::{parse_lens, parse_lens_start};
 pub use write::{special_lines, write_lens};
 
-use petzval_optics::design_space::{EflSolve, Pickup, Variable};
+use petzval_optics::design_space::{EflSolve, MagnificationSolve, Pickup, Solves, Variable};
 use petzval_optics::lens::Lens;
 
 /// The content of a lens file.
@@ -74,6 +74,8 @@ pub struct LensFile {
     pub pickups: Vec<Pickup>,
     /// The solve for the focal length: the radius that it determines.
     pub efl_solve: Option<EflSolve>,
+    /// The solve for the magnification of a near object: the radius that it determines. A file has this or the solve for the focal length.
+    pub magnification_solve: Option<MagnificationSolve>,
     /// The solve for the length: the surface whose thickness it determines, and the distance from the first vertex to the
     /// last, mm.
     pub length_solve: Option<(usize, f64)>,
@@ -88,8 +90,25 @@ impl LensFile {
             variables: Vec::new(),
             pickups: Vec::new(),
             efl_solve: None,
+            magnification_solve: None,
             length_solve: None,
         }
+    }
+
+    /// The solves of the file.
+    pub fn solves(&self) -> Solves {
+        Solves {
+            efl: self.efl_solve,
+            length: self.length_solve,
+            magnification: self.magnification_solve,
+            ..Solves::default()
+        }
+    }
+
+    /// Takes over these variables and the radius that holds the focal length or the magnification.
+    pub fn give(&mut self, variables: Vec<Variable>, solves: &Solves) {
+        self.variables = variables;
+        (self.efl_solve, self.magnification_solve) = (solves.efl, solves.magnification);
     }
 }
 

@@ -7,15 +7,16 @@ use super::text::{
     ExpectText, ExpectedText, LensText, Placed, SolveText, SurfaceText, VariableText, WavelengthsText,
 };
 use super::{Expect, Expected, ExpectedSpots, LensFile};
-use crate::draft::{Import, with_open_surfaces};
+use crate::draft::{Import, is_exactly_telecentric, with_open_surfaces, with_stop_beside_focus};
 use crate::glass_toml::read_glasses;
 use crate::spanned::Spanned;
 use crate::wavelength::{OPTICAL_UM, wavelength_hint, wavelength_message};
 use petzval_base::FileError;
-use petzval_optics::design_space::{EflSolve, Pickup, Variable};
+use petzval_optics::design_space::{EflSolve, MagnificationSolve, Pickup, Variable};
 use petzval_optics::glass::Catalog;
 use petzval_optics::lens::{Lens, LensDefect, ObjectDistance, Surface, traceable, validate};
 use petzval_optics::number::Number;
+use petzval_optics::paraxial::first_order;
 use petzval_optics::solve::with_length;
 
 /// Default reference wavelength, the helium d line, um.
@@ -72,6 +73,7 @@ pub fn parse_lens_start(text: &str, catalog: &Catalog) -> Result<Import, FileErr
     };
     lens.fields_deg = reader.fields(&file.fields.angle_deg, lens.object, lens.is_rotationally_symmetric())?;
     traceable(&lens).map_err(|defect| reader.defect(&defect, &file))?;
+    reader.check_entrance_pupil(&lens, &file)?;
     let is_open = |i: &usize| file.surface[*i].get_ref().semi_diameter_mm.is_none();
     let open: Vec<usize> = (0..file.surface.len()).filter(is_open).collect();
     let (lens, losses, flaw) =
@@ -83,6 +85,7 @@ pub fn parse_lens_start(text: &str, catalog: &Catalog) -> Result<Import, FileErr
         pickups: reader.pickups(&file, &lens, &variables)?,
         length_solve: reader.length_solve(&file, &lens, &variables)?,
         efl_solve: reader.efl_solve(&file, &lens, &variables)?,
+        magnification_solve: reader.magnification_solve(&file, &lens, &variables)?,
         expect: file.expect.as_ref().map(|e| reader.expect(e, &lens)).transpose()?,
         variables,
         lens,
@@ -137,6 +140,33 @@ impl Reader<'_> {
                 Err(self.error("stop", span, message).hint("a lens has one stop"))
             }
         }
+    }
+
+    /// Refuses an entrance pupil at infinity, whose diameter says nothing; the hint has the numbers of one that is far away.
+    fn check_entrance_pupil(&self, lens: &Lens, file: &LensText) -> Result<(), FileError> {
+        if !is_exactly_telecentric(lens) {
+            return Ok(());
+        }
+        let key = "entrance_pupil_diameter_mm";
+        let message = "the stop is exactly at the focus in front of it (telecentric): an entrance pupil at infinity has no diameter";
+        let error = self.error(key, file.aperture.entrance_pupil_diameter_mm.span(), message);
+        let Some((moved, _)) = with_stop_beside_focus(lens) else {
+            return Err(error.hint("move the stop a little off the focus of what is in front of it"));
+        };
+        let [before, stop] = [lens.stop - 1, lens.stop];
+        let thickness_mm = |surface: usize| moved.surfaces[surface].thickness_mm;
+        // The radius of the stop is in proportion to the diameter of the pupil.
+        let radius_mm = first_order(&moved.at_wavelength(moved.reference_um)).stop_radius_mm.abs();
+        let clear_mm = file.surface[stop].get_ref().semi_diameter_mm.as_ref().map(|semi| semi.get_ref().0);
+        let filled_mm = clear_mm.unwrap_or(1.0);
+        Err(error.hint(format!(
+            "with thickness_mm = {} on surface {} and {} on surface {}, {key} = {:.6e} fills {filled_mm} mm of the stop's radius",
+            thickness_mm(before),
+            before + 1,
+            thickness_mm(stop),
+            stop + 1,
+            moved.entrance_pupil_mm * filled_mm / radius_mm
+        )))
     }
 
     fn object(&self, file: &LensText) -> Result<ObjectDistance, FileError> {
@@ -444,37 +474,80 @@ impl Reader<'_> {
         variables: &[Variable],
     ) -> Result<Option<EflSolve>, FileError> {
         let Some(text) = file.solve.as_ref().and_then(|s| s.efl.as_ref()) else { return Ok(None) };
-        let surface = self.surface_index(&text.surface, lens)?;
         let efl_mm = self.finite("efl_mm", &text.efl_mm)?;
-        if !parameters(&lens.surfaces[surface]).iter().any(|(_, n)| *n == Number::Curvature) {
-            let message = format!("surface {} is a thin lens and has no radius to solve for", surface + 1);
-            return Err(self.error("surface", text.surface.span(), message));
-        }
+        let surface = self.solved_radius(&text.surface, lens, variables)?;
         if efl_mm == 0.0 {
             return Err(self.error("efl_mm", text.efl_mm.span(), "no lens has a focal length of 0"));
+        }
+        let radius_mm = self.solved_bounds(text.radius_mm.as_ref(), surface, lens)?;
+        Ok(Some(EflSolve { surface, efl_mm, radius_mm }))
+    }
+
+    fn magnification_solve(
+        &self,
+        file: &LensText,
+        lens: &Lens,
+        variables: &[Variable],
+    ) -> Result<Option<MagnificationSolve>, FileError> {
+        let Some(solve) = file.solve.as_ref() else { return Ok(None) };
+        let Some(text) = solve.magnification.as_ref() else { return Ok(None) };
+        let magnification = self.finite("magnification", &text.magnification)?;
+        let wrong = |message: &str| self.error("magnification", text.magnification.span(), message);
+        if solve.efl.is_some() {
+            let error = wrong("one radius holds the focal length or the magnification, not both");
+            return Err(error.hint("leave `efl` out for a near object"));
+        }
+        if lens.object == ObjectDistance::Infinity {
+            let error = wrong("an object at infinity has no magnification");
+            return Err(error.hint("hold the focal length: efl = { surface = ..., efl_mm = ... }"));
+        }
+        if magnification == 0.0 {
+            return Err(wrong("no image of a near object has a magnification of 0"));
+        }
+        let surface = self.solved_radius(&text.surface, lens, variables)?;
+        let radius_mm = self.solved_bounds(text.radius_mm.as_ref(), surface, lens)?;
+        Ok(Some(MagnificationSolve { surface, magnification, radius_mm }))
+    }
+
+    /// The surface whose radius is solved for.
+    fn solved_radius(
+        &self,
+        number: &Spanned<usize>,
+        lens: &Lens,
+        variables: &[Variable],
+    ) -> Result<usize, FileError> {
+        let surface = self.surface_index(number, lens)?;
+        if !parameters(&lens.surfaces[surface]).iter().any(|(_, n)| *n == Number::Curvature) {
+            let message = format!("surface {} is a thin lens and has no radius to solve for", surface + 1);
+            return Err(self.error("surface", number.span(), message));
         }
         if variables.iter().any(|v| (v.surface, v.number) == (surface, Number::Curvature)) {
             let message = format!("the radius of surface {} is a variable already", surface + 1);
             return Err(self
-                .error("surface", text.surface.span(), message)
+                .error("surface", number.span(), message)
                 .hint("a radius is either solved for or varied"));
         }
-        let radius_mm = match &text.radius_mm {
-            None => None,
-            Some(bounds) => {
-                let [min, max] = *bounds.get_ref();
-                let radius = Number::Curvature.read_stated(lens, surface);
-                // Allow for rounding: a radius is computed back from its curvature.
-                if !(min < max && radius >= min - 1e-9 && radius <= max + 1e-9) {
-                    let message = format!("radius {radius} of this lens is not between {min} and {max}");
-                    return Err(self
-                        .error("radius_mm", bounds.span(), message)
-                        .hint("write [min, max] around the lens's own radius"));
-                }
-                Some([min, max])
-            }
-        };
-        Ok(Some(EflSolve { surface, efl_mm, radius_mm }))
+        Ok(surface)
+    }
+
+    /// Bounds of a radius that is solved for, mm.
+    fn solved_bounds(
+        &self,
+        bounds: Option<&Spanned<[f64; 2]>>,
+        surface: usize,
+        lens: &Lens,
+    ) -> Result<Option<[f64; 2]>, FileError> {
+        let Some(bounds) = bounds else { return Ok(None) };
+        let [min, max] = *bounds.get_ref();
+        let radius = Number::Curvature.read_stated(lens, surface);
+        // Allow for rounding: a radius is computed back from its curvature.
+        if !(min < max && radius >= min - 1e-9 && radius <= max + 1e-9) {
+            let message = format!("radius {radius} of this lens is not between {min} and {max}");
+            return Err(self
+                .error("radius_mm", bounds.span(), message)
+                .hint("write [min, max] around the lens's own radius"));
+        }
+        Ok(Some([min, max]))
     }
 
     fn expect(&self, text: &ExpectText, lens: &Lens) -> Result<Expect, FileError> {

@@ -250,6 +250,8 @@ pub(super) struct VariableText {
 pub(super) struct SolveText {
     /// The curvature of a surface keeps the focal length.
     pub efl: Option<EflSolveText>,
+    /// The curvature of a surface keeps the magnification of a near object; this or `efl`.
+    pub magnification: Option<MagnificationSolveText>,
     /// The gap behind a surface keeps the length of the lens.
     pub length: Option<LengthSolveText>,
 }
@@ -288,6 +290,18 @@ pub(super) struct EflSolveText {
     pub surface: Spanned<usize>,
     /// Focal length. Unit: mm.
     pub efl_mm: Placed,
+    /// Bounds of the radius, which a design keeps by a penalty. Unit: mm.
+    pub radius_mm: Option<Spanned<[f64; 2]>>,
+}
+
+/// A curvature that keeps the magnification of a near object.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, expecting = "{ surface = ..., magnification = ... }")]
+pub(super) struct MagnificationSolveText {
+    /// Number of the surface, from 1.
+    pub surface: Spanned<usize>,
+    /// Paraxial magnification, negative for an inverted image.
+    pub magnification: Placed,
     /// Bounds of the radius, which a design keeps by a penalty. Unit: mm.
     pub radius_mm: Option<Spanned<[f64; 2]>>,
 }

@@ -65,19 +65,24 @@ fn write(file: &LensFile, out: &mut String) -> std::fmt::Result {
         writeln!(out, "parameter = {}", quoted(&parameter))?;
         writeln!(out, "scale = {}\noffset = {}", number(p.scale), number(p.offset))?;
     }
-    if file.efl_solve.is_some() || file.length_solve.is_some() {
+    if file.efl_solve.is_some() || file.magnification_solve.is_some() || file.length_solve.is_some() {
         writeln!(out, "\n[solve]")?;
     }
     if let Some((surface, length_mm)) = file.length_solve {
         writeln!(out, "length = {{ surface = {}, length_mm = {} }}", surface + 1, number(length_mm))?;
     }
+    let bounds = |radius_mm: Option<[f64; 2]>| match radius_mm {
+        Some([min, max]) => format!(", radius_mm = [{}, {}]", number(min), number(max)),
+        None => String::new(),
+    };
     if let Some(solve) = &file.efl_solve {
-        let (surface, efl_mm) = (solve.surface + 1, number(solve.efl_mm));
-        let bounds = match solve.radius_mm {
-            Some([min, max]) => format!(", radius_mm = [{}, {}]", number(min), number(max)),
-            None => String::new(),
-        };
+        let (surface, efl_mm, bounds) = (solve.surface + 1, number(solve.efl_mm), bounds(solve.radius_mm));
         writeln!(out, "efl = {{ surface = {surface}, efl_mm = {efl_mm}{bounds} }}")?;
+    }
+    if let Some(solve) = &file.magnification_solve {
+        let (surface, bounds) = (solve.surface + 1, bounds(solve.radius_mm));
+        let magnification = number(solve.magnification);
+        writeln!(out, "magnification = {{ surface = {surface}, magnification = {magnification}{bounds} }}")?;
     }
     let Some(expect) = &file.expect else { return Ok(()) };
     writeln!(out, "\n[expect]")?;

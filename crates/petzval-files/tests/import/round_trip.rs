@@ -14,7 +14,7 @@ use crate::common::{mangin, nominal_triplet, special_lenses, telescope};
 use crate::support::catalog;
 
 pub fn file(lens: Lens) -> LensFile {
-    LensFile { lens, expect: None, variables: vec![], pickups: vec![], efl_solve: None, length_solve: None }
+    LensFile::of(lens)
 }
 
 /// Compares the numbers of two lenses to the bit. Names of glasses and notes may differ.

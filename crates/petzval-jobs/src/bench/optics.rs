@@ -242,7 +242,7 @@ fn lm_iteration() -> Result<Prepared, JobError> {
              and the image plane"
     );
     Ok(Prepared::new(work, move || {
-        let options = LevenbergOptions { iterations: 1, tolerance: 0.0 };
+        let options = LevenbergOptions { iterations: 1, tolerance: 0.0, ..LevenbergOptions::default() };
         let descent =
             descend(&problem, &options, &mut |_, _, _| true).map_err(|e| JobError::failed(e.to_string()))?;
         std::hint::black_box(descent);

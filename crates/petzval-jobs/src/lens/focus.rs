@@ -129,7 +129,7 @@ pub(super) fn focused(lens: Lens, focus: FocusAt) -> Result<Lens, JobError> {
     if focus == FocusAt::File {
         return Ok(lens);
     }
-    if let Some(reason) = no_image(&lens) {
+    if let Some(NoImage { reason, .. }) = no_image(&lens) {
         return Err(refused(reason));
     }
     if focus == FocusAt::Paraxial {
@@ -198,22 +198,38 @@ fn is_virtual(lens: &Lens) -> bool {
 }
 
 /// Why a lens has no entrance pupil or no image at a finite distance, from which analyses and tolerances start.
-pub(super) fn no_image(lens: &Lens) -> Option<&'static str> {
+pub(super) struct NoImage {
+    /// What the lens is.
+    pub reason: &'static str,
+    /// What to do.
+    pub hint: &'static str,
+}
+
+/// [`NoImage`] of a lens; `None` if it has both.
+pub(super) fn no_image(lens: &Lens) -> Option<NoImage> {
     let order = first_order(&lens.at_wavelength(lens.reference_um));
     if order.stop_radius_mm == 0.0 {
-        return Some("the lens is telecentric on the side of its object: its entrance pupil is at infinity");
+        let reason = "the lens is telecentric on the side of its object: its entrance pupil is at infinity";
+        return Some(NoImage {
+            reason,
+            hint: "move the stop a little off the focus of what is in front of it",
+        });
     }
     if order.image_distance_mm.is_finite() {
         return None;
     }
-    Some(match lens.object {
+    let reason = match lens.object {
         ObjectDistance::Infinity => "the lens is afocal in the y-z plane: it has no focus",
         ObjectDistance::Finite(_) => "the object is at the front focus: its image is at infinity",
-    })
+    };
+    Some(NoImage { reason, hint: PARALLEL_LIGHT })
 }
+
+/// What to do where light leaves the lens parallel.
+const PARALLEL_LIGHT: &str = "a thin lens of known focal length behind it makes an image of parallel light";
 
 /// Refuses a lens that has no entrance pupil or no image at a finite distance.
 pub(super) fn check_image(name: &str, lens: &Lens) -> Result<(), JobError> {
-    let hint = "a thin lens of known focal length behind it makes an image of parallel light";
-    no_image(lens).map_or(Ok(()), |reason| Err(JobError::input(format!("{name}: {reason}"), hint)))
+    no_image(lens)
+        .map_or(Ok(()), |NoImage { reason, hint }| Err(JobError::input(format!("{name}: {reason}"), hint)))
 }

@@ -355,7 +355,9 @@ fn rows(file: &LensFile) -> Vec<Row> {
         let mut settled: Vec<String> =
             followers.map(|p| parameter_name(s, file.variables[p.variable].number)).collect();
         settled.extend(
-            file.efl_solve.filter(|solve| solve.surface == i).map(|_| parameter_name(s, Number::Curvature)),
+            (file.solves().curvature())
+                .filter(|(surface, _)| *surface == i)
+                .map(|_| parameter_name(s, Number::Curvature)),
         );
         settled.extend(
             file.length_solve

@@ -21,7 +21,7 @@ use petzval_optics::optimize::Limits;
 use petzval_optics::paraxial::first_order;
 use petzval_optics::pupil::chief_ray;
 
-const LENSES: [&str; 10] = [
+const LENSES: [&str; 11] = [
     "double-gauss",
     "cooke-triplet-40",
     "tessar",
@@ -32,6 +32,7 @@ const LENSES: [&str; 10] = [
     "reverse-telephoto",
     "triplet-telescope",
     "telescope-48-inch",
+    "telescope-two-mirrors",
 ];
 
 /// Iterations at most of either side.

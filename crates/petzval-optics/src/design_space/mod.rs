@@ -18,7 +18,10 @@ pub use vary::{Vary, varied};
 
 use std::fmt;
 
+use crate::lens::{Lens, ObjectDistance};
 use crate::number::Number;
+use crate::paraxial::first_order;
+use crate::solve::magnification;
 
 /// A number that may move within bounds, which are given as users state them ([`Number::stated`]): those of a curvature are
 /// radii in mm, those of a tilt are in degrees.
@@ -119,6 +122,27 @@ pub struct Solves {
 }
 
 impl Solves {
+    /// These, and a curvature that holds what a lens keeps while it moves: the focal length or, of a near object, the magnification. `None` if
+    /// the lens has neither.
+    pub fn holding(self, lens: &Lens, surface: usize, radius_mm: Option<[f64; 2]>) -> Option<Self> {
+        if lens.object == ObjectDistance::Infinity {
+            let efl_mm = first_order(&lens.at_wavelength(lens.reference_um)).efl_mm;
+            let efl = Some(EflSolve { surface, efl_mm, radius_mm });
+            return efl_mm.is_finite().then_some(Self { efl, magnification: None, ..self });
+        }
+        let solve = MagnificationSolve { surface, magnification: magnification(lens)?, radius_mm };
+        Some(Self { efl: None, magnification: Some(solve), ..self })
+    }
+
+    /// What a curvature holds: `the focal length` or `the magnification`; empty if nothing is held.
+    pub fn held_in_words(&self) -> &'static str {
+        match (&self.efl, &self.magnification) {
+            (Some(_), _) => "the focal length",
+            (None, Some(_)) => "the magnification",
+            (None, None) => "",
+        }
+    }
+
     /// The surface of the curvature that is solved for, and the bounds of its radius, mm.
     pub fn curvature(&self) -> Option<(usize, Option<[f64; 2]>)> {
         let efl = self.efl.map(|s| (s.surface, s.radius_mm));

@@ -1,9 +1,8 @@
 //! Variables for a lens whose file names none.
 
-use super::{EflSolve, Solves, Variable};
+use super::{Solves, Variable};
 use crate::lens::{Action, Lens};
 use crate::number::Number;
-use crate::paraxial::first_order;
 
 /// Surfaces between two media, and mirrors that are not flat.
 pub fn powered(lens: &Lens) -> impl Iterator<Item = usize> {
@@ -62,11 +61,11 @@ const COEFFICIENT: f64 = 0.5;
 ///   the lens; plates stay plates.
 /// - Conic constants of aspheres, by a half, and the coefficients that the lens has, by a half of their value.
 /// - Gaps of air but the last, from three quarters of their length to five quarters and 0.1 mm, so that gaps of next to nothing move too.
-/// - A solve by which the last curved surface holds the focal length.
+/// - A solve by which the last curved surface holds the focal length or, of a near object, the magnification.
 ///
 /// None if no surface with power is curved, or the lens has no focal length. Numbers that the `solves` of the lens settle already are no variables, and
 /// a solve for the focal length stays as it is.
-pub fn near_variables(lens: &Lens, solves: &Solves) -> Option<(Vec<Variable>, EflSolve)> {
+pub fn near_variables(lens: &Lens, solves: &Solves) -> Option<(Vec<Variable>, Solves)> {
     let radius = |surface: usize| {
         let own = 1.0 / lens.surfaces[surface].shape.curvature;
         let (a, b) = (own / (1.0 + BEND), own / (1.0 - BEND));
@@ -74,24 +73,23 @@ pub fn near_variables(lens: &Lens, solves: &Solves) -> Option<(Vec<Variable>, Ef
     };
     let is_curved = |i: &usize| lens.surfaces[*i].shape.curvature != 0.0;
     let curved: Vec<usize> = powered(lens).filter(is_curved).collect();
-    let efl_mm = first_order(&lens.at_wavelength(lens.reference_um)).efl_mm;
-    let solve = match solves.efl {
-        Some(solve) => solve,
+    let (held, surface) = match solves.curvature() {
+        Some((surface, _)) => (*solves, surface),
         None => {
             let Variable { surface, min, max, .. } = radius(*curved.last()?);
-            EflSolve { surface, efl_mm, radius_mm: Some([min, max]) }
+            (solves.holding(lens, surface, Some([min, max]))?, surface)
         }
     };
     let flattest = 1.0 / (BEND * strongest(lens)?);
     let bent =
         |surface: usize| Variable { surface, number: Number::Curvature, min: -flattest, max: flattest };
     let in_curved_element = |i: &usize| element(lens, *i).any(|of_it| is_curved(&of_it));
-    let moved = powered(lens).filter(|i| *i != solve.surface).filter(in_curved_element);
+    let moved = powered(lens).filter(|i| *i != surface).filter(in_curved_element);
     let radii = moved.map(|i| if is_curved(&i) { radius(i) } else { bent(i) });
     let aspheres = powered(lens).flat_map(|i| aspheric(lens, i));
     let is_free = |gap: &Variable| solves.length.is_none_or(|(surface, _)| surface != gap.surface);
     let all = radii.chain(aspheres).chain(gaps(lens, [0.75, 1.25], true).filter(is_free)).collect();
-    efl_mm.is_finite().then_some((all, solve))
+    Some((all, held))
 }
 
 /// The surfaces of the element, single or cemented, that a surface with power belongs to.
@@ -175,13 +173,22 @@ mod tests {
     #[test]
     fn what_a_designer_varies() {
         let lens = lens();
-        let (variables, solve) = near_variables(&lens, &Solves::default()).unwrap();
+        let (variables, solves) = near_variables(&lens, &Solves::default()).unwrap();
         let of = |number: Number| -> Vec<usize> {
             variables.iter().filter(|v| v.number == number).map(|v| v.surface).collect()
         };
         // The plane behind the first surface may bend, those of the plate stay, and the last curved surface holds the focal length.
         assert_eq!(of(Number::Curvature), [0, 1, 2]);
-        assert_eq!(solve.surface, 3);
+        assert_eq!((solves.curvature().unwrap().0, solves.held_in_words()), (3, "the focal length"));
+        // Of a near object, the same surface holds the magnification.
+        let near = Lens { object: ObjectDistance::Finite(300.0), ..lens.clone() };
+        let (same, solves) = near_variables(&near, &Solves::default()).unwrap();
+        let solve = solves.magnification.unwrap();
+        assert_eq!(
+            (same.len(), solve.surface, solves.held_in_words()),
+            (variables.len(), 3, "the magnification")
+        );
+        assert!((-1.0..0.0).contains(&solve.magnification), "{}", solve.magnification);
         assert_eq!(of(Number::Thickness), [1, 3]);
         assert_eq!(of(Number::Asphere(1)), [2]);
         assert_eq!(of(Number::Conic), [2]);

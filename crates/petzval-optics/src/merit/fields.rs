@@ -54,21 +54,19 @@ impl FieldSet {
         }
     }
 
-    /// Mean over the fields of a function of the field (rad) and its gradient, in parallel; `None` if one has none. The bits do
-    /// not depend on the number of threads.
-    pub(super) fn mean(
-        &self,
-        lens: &Lens,
-        of_field: impl Fn(f64) -> Option<(f64, LensGradient)> + Sync,
-    ) -> Option<(f64, LensGradient)> {
-        // While the lens is symmetric one side says what both do.
-        let by_symmetry = self.both_sides && lens.is_rotationally_symmetric();
+    /// While the lens is symmetric, one side of the axis says what both do.
+    fn is_one_side(&self, lens: &Lens) -> bool {
+        self.both_sides && lens.is_rotationally_symmetric()
+    }
+
+    /// The fields as a lens sees them, rad, and their shares.
+    pub(super) fn seen(&self, lens: &Lens) -> Vec<(f64, f64)> {
+        let by_symmetry = self.is_one_side(lens);
         let one_side = |(field, share): &(f64, f64)| match (by_symmetry, *field == 0.0, *field > 0.0) {
             (false, ..) | (true, true, _) => Some((*field, *share)),
             (true, false, true) => Some((*field, 2.0 * share)),
             (true, false, false) => None,
         };
-        let fields: Vec<(f64, f64)> = self.fields.iter().filter_map(one_side).collect();
         // A near object stays where it is, also where the first vertex, from which fields are seen, does not.
         let seen = |field_deg: f64| match (self.object, lens.object) {
             (ObjectDistance::Finite(then), ObjectDistance::Finite(now)) if then != now => {
@@ -76,15 +74,26 @@ impl FieldSet {
             }
             _ => field_deg.to_radians(),
         };
+        self.fields.iter().filter_map(one_side).map(|(field, share)| (seen(field), share)).collect()
+    }
+
+    /// Mean over the fields of a function of the field (rad) and its gradient, in parallel; `None` if one has none. The bits do
+    /// not depend on the number of threads.
+    pub(super) fn mean(
+        &self,
+        lens: &Lens,
+        of_field: impl Fn(f64) -> Option<(f64, LensGradient)> + Sync,
+    ) -> Option<(f64, LensGradient)> {
+        let fields = self.seen(lens);
         let each: Vec<(f64, LensGradient)> =
-            fields.par_iter().map(|(field, _)| of_field(seen(*field))).collect::<Option<_>>()?;
+            fields.par_iter().map(|(field, _)| of_field(*field)).collect::<Option<_>>()?;
         let (mut value, mut gradient) = (0.0, LensGradient::zero(lens.surfaces.len()));
         for ((_, share), (v, g)) in fields.iter().zip(each) {
             value += share * v;
             gradient += &g.scaled(*share);
         }
         gradient.keep_symmetry(&lens.at_wavelength(lens.reference_um));
-        if by_symmetry {
+        if self.is_one_side(lens) {
             // The derivatives by decentres and tilts of the two sides cancel.
             for surface in 0..lens.surfaces.len() {
                 (0..2).for_each(|axis| gradient[(surface, Number::Decenter(axis))] = 0.0);

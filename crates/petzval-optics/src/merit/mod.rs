@@ -91,6 +91,12 @@ pub trait Merit: Send + Sync {
         self.value(lens).map(|value| (value, None))
     }
 
+    /// The rays by whose places, about the centroids of their fields, it sees a lens; `None` if it sees something else. They lend their
+    /// curvature to a merit that is a single figure, see [`lifted_normal_equations`].
+    fn rays(&self, _lens: &Lens) -> Option<SpotResiduals> {
+        None
+    }
+
     /// The normal equations of its residuals r, whose squares add up to the squared value: the products of the columns
     /// `dr/d(number)` of each of the numbers, `dr/d(ln stop radius)` and `r`, in this order. `None` if it has no residuals, or the
     /// lens has no value.

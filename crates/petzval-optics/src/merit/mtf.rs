@@ -8,11 +8,11 @@ use std::f64::consts::{PI, TAU};
 
 use rustfft::num_complex::Complex64;
 
-use super::{Better, FieldRays, FieldSet, Merit};
+use super::{Better, FieldRays, FieldSet, Merit, SpotResiduals};
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::psf::{PsfCotangent, PsfKind, PsfOptions, psf_with_tape};
-use crate::pupil::Quadrature;
+use crate::pupil::{PupilSampling, Quadrature};
 use crate::trace::Sequence;
 use crate::wave::Overlap;
 
@@ -47,7 +47,8 @@ fn sinc(x: f64) -> f64 {
 impl Mtf {
     /// Over the fields of a lens, see [`FieldSet::of`]; `frequency_per_mm` is positive, and below the cutoff of the lens.
     ///
-    /// By rays the grid is eight periods wide. Light beyond it is not counted, neither as contrast nor as light.
+    /// By rays the grid is eight periods wide. Light beyond it counts as light without contrast: otherwise a lens out of focus would have the
+    /// contrast of the few rays that land on the grid.
     pub fn new(lens: &Lens, frequency_per_mm: f64, kind: PsfKind) -> Self {
         let pitch_um = 1e3 / (CELLS_PER_PERIOD * frequency_per_mm);
         Self {
@@ -121,10 +122,12 @@ impl Mtf {
         let (psf, tape) =
             psf_with_tape(lens, field_rad, &lens.wavelengths_um, &self.quadrature, &self.options)?;
         let (phases, grid) = (self.phases(), self.options.grid);
+        // The PSFs have a sum of 1 on the grid, and the share of the light there is `captured`.
         let share = 1.0 / (psf.values.len() as f64 * self.loss);
+        let shares: Vec<f64> = psf.captured.iter().map(|captured| share * captured).collect();
         // Cosine and sine sums along x (sagittal) and y (tangential).
         let mut sums = [[0.0; 2]; 2];
-        for values in &psf.values {
+        for (values, share) in psf.values.iter().zip(&shares) {
             for (row, y) in values.chunks_exact(grid).zip(&phases) {
                 for (value, x) in row.iter().zip(&phases) {
                     for k in 0..2 {
@@ -139,9 +142,9 @@ impl Mtf {
         if !with_gradient {
             return Some((value, LensGradient::zero(lens.surfaces.len())));
         }
-        // d|O| = (C dC + S dS) / |O|
+        // d|O| = (C dC + S dS) / |O|. Light that crosses the rim of the grid has no slope there.
         let direction = |section: usize, size: f64| {
-            if size > 0.0 { sums[section].map(|v| 0.5 * share * v / size) } else { [0.0; 2] }
+            if size > 0.0 { sums[section].map(|v| 0.5 * v / size) } else { [0.0; 2] }
         };
         let (by_x, by_y) = (direction(0, sagittal), direction(1, tangential));
         let along = |by: [f64; 2], phase: &[f64; 2]| by[0] * phase[0] + by[1] * phase[1];
@@ -149,9 +152,12 @@ impl Mtf {
         for y in &phases {
             bars.extend(phases.iter().map(|x| along(by_x, x) + along(by_y, y)));
         }
-        let count = psf.values.len();
-        let cotangent =
-            PsfCotangent { values: vec![bars; count], illumination: vec![0.0; count], chief_y: 0.0 };
+        let of_colour = |share: &f64| bars.iter().map(|bar| share * bar).collect();
+        let cotangent = PsfCotangent {
+            values: shares.iter().map(of_colour).collect(),
+            illumination: vec![0.0; shares.len()],
+            chief_y: 0.0,
+        };
         Some((value, tape.gradient(&psf, &self.quadrature, &cotangent)))
     }
 }
@@ -176,5 +182,18 @@ impl Merit for Mtf {
     fn with_gradient(&self, lens: &Lens) -> Option<(f64, Option<LensGradient>)> {
         let (value, gradient) = self.fields.mean(lens, |field| self.of_field(lens, field, true))?;
         Some((value, Some(gradient)))
+    }
+
+    /// By waves too: contrast falls with the variance of the slopes of the wavefront, which are places on the image.
+    fn rays(&self, lens: &Lens) -> Option<SpotResiduals> {
+        let (fields_rad, field_weights) = self.fields.seen(lens).into_iter().unzip();
+        Some(SpotResiduals {
+            fields_rad,
+            field_weights,
+            wavelengths_um: lens.wavelengths_um.clone(),
+            sampling: PupilSampling::Degree(6),
+            // Every field has its weight, whatever its spot.
+            power: 2.0,
+        })
     }
 }

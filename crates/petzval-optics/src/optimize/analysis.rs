@@ -5,8 +5,10 @@ use nalgebra::{DMatrix, DVector};
 use super::problem::{Apertures, Goal, Problem};
 use crate::constraint::{ClearRadii, Constraint, SemiDiameters};
 use crate::design_space::{DesignSpace, DesignSpaceError, Mapped};
+use crate::gradient::LensGradient;
 use crate::lens::Lens;
-use crate::merit::{Beams, Landings, Lost, MOUNT_MM, Reach};
+use crate::merit::{Beams, Landings, Lost, MOUNT_MM, Reach, Seen, lifted_normal_equations};
+use crate::number::Number;
 use crate::paraxial::first_order;
 use crate::pupil::{PupilRefinement, Quadrature};
 use crate::solve::with_best_focus;
@@ -117,6 +119,46 @@ pub(super) struct Linearised {
     pub gradient: DVector<f64>,
     /// Half the Hessian of Gauss and Newton.
     pub hessian: DMatrix<f64>,
+    /// Further constraints of the problem that are kept: their penalties begin where a step breaks them.
+    pub kept: Vec<LimitRow>,
+    /// The constraints that are broken: their penalties are part of the model.
+    pub broken: Vec<(Constraint, LimitRow)>,
+}
+
+/// A constraint to first order about a lens.
+#[derive(Clone, Debug)]
+pub(super) struct LimitRow {
+    /// Its residual, um, negative where the lens keeps it.
+    pub residual_um: f64,
+    /// Derivatives of the residual by the coordinates.
+    pub row: DVector<f64>,
+}
+
+impl LimitRow {
+    /// The residual after a step, um.
+    pub fn after(&self, step: &DVector<f64>) -> f64 {
+        self.residual_um + self.row.dot(step)
+    }
+}
+
+impl Linearised {
+    /// The model with the residuals of broken constraints corrected by what a step has shown: what they are `there`, less what the model says of
+    /// them. A limit is curved, and a step along its tangent leaves it.
+    pub fn bent(&self, step: &DVector<f64>, there: &Analysis, stiffness_um_per_mm: f64) -> Self {
+        let mut bent = self.clone();
+        for (constraint, limit) in &self.broken {
+            let excess =
+                there.violations.iter().find(|(found, _)| found == constraint).map_or(0.0, |(_, mm)| *mm);
+            bent.gradient.axpy(stiffness_um_per_mm * excess - limit.after(step), &limit.row, 1.0);
+        }
+        bent
+    }
+
+    /// Adds the square of a residual with its derivatives by the coordinates.
+    pub fn add(&mut self, residual_um: f64, row: &DVector<f64>) {
+        self.gradient.axpy(residual_um, row, 1.0);
+        self.hessian.ger(1.0, row, row, 1.0);
+    }
 }
 
 /// The merit of a lens; `None` if a ray of the stop is lost. `near`, a lens like it, makes aiming quicker.
@@ -213,8 +255,8 @@ pub(super) fn linearise(
         let gram = problem.merit.gram(&mapped.lens, problem.sides(), &analysis.landings, numbers)?;
         add_gram(&gram, problem.spot_weight.powi(2));
     }
-    // A goal adds all of its residuals if they are known and should all vanish. Any other goal adds one residual: its distance from the
-    // target.
+    // A goal adds all of its residuals if they are known and should all vanish. Any other goal adds one residual, its distance from the
+    // target: with the curvature that its rays lend it, or with that of its slope, which knows one direction.
     let mut single = Vec::new();
     for (goal, value) in problem.goals.iter().zip(&analysis.goals) {
         let residual_um = goal.residual_um(*value);
@@ -231,19 +273,61 @@ pub(super) fn linearise(
         let by_lens = goal.merit.with_gradient(&mapped.lens)?.1?;
         let row = DVector::from_vec(space.pull_back(&mapped.lens, &by_lens)) * goal.weight_um;
         gradient += &row * residual_um;
-        hessian += &row * row.transpose();
+        hessian += lifted_hessian(goal, residual_um, by_lens, mapped, numbers)
+            .unwrap_or_else(|| &row * row.transpose());
     }
+    let mut model = Linearised { gradient, hessian, kept: Vec::new(), broken: Vec::new() };
     let clear = clear_radii(problem, &analysis.lens, &analysis.landings);
-    for (constraint, excess) in &analysis.violations {
+    let stiffness = problem.stiffness_um_per_mm;
+    let row_of = |constraint: &Constraint| {
         let g = constraint.gradient(&analysis.lens, &*clear, 1.0)?;
-        let row = DVector::from_fn(space.numbers().len() + 1, |n, _| {
-            space.numbers().get(n).map_or(0.0, |number| g[*number])
-        });
+        let row = DVector::from_fn(numbers.len() + 1, |n, _| numbers.get(n).map_or(0.0, |number| g[*number]));
         let by_pupil = DVector::from_column_slice(&mapped.pupil_slopes) * g.entrance_pupil;
-        let row = slopes.transpose() * row + by_pupil;
-        let stiffness = problem.stiffness_um_per_mm * problem.stiffness_um_per_mm;
-        gradient += &row * (stiffness * excess);
-        hessian += &row * row.transpose() * stiffness;
+        Some(slopes.transpose() * row + by_pupil)
+    };
+    for (constraint, excess) in &analysis.violations {
+        let row = row_of(constraint)?;
+        model.gradient += &row * (stiffness * stiffness * excess);
+        model.hessian += &row * row.transpose() * (stiffness * stiffness);
+        model.broken.push((*constraint, LimitRow { residual_um: stiffness * excess, row: row * stiffness }));
     }
-    Some(Linearised { gradient, hessian })
+    // Figures of the whole lens, which bounds of operands limit. The spots of a design come to its requirements by steps that are short anyway, and
+    // those behind every surface or of traced light would cost more than they bring.
+    let has_figures = problem.goals.iter().any(|goal| goal.weight_um > 0.0);
+    let bounds_of_figures = match problem.apertures {
+        Apertures::Fitted if has_figures => &problem.further[..],
+        _ => &[],
+    };
+    for constraint in bounds_of_figures {
+        let excess = constraint.excess_mm(&analysis.lens, &*clear)?;
+        if excess > 0.0 {
+            continue;
+        }
+        let (residual_um, row) = (stiffness * excess, row_of(constraint)? * stiffness);
+        // The other end of a range is as far from this one as the range is wide.
+        let other_end = constraint
+            .range_mm()
+            .map(|range_mm| LimitRow { residual_um: -residual_um - stiffness * range_mm, row: -&row });
+        model.kept.push(LimitRow { residual_um, row });
+        model.kept.extend(other_end);
+    }
+    Some(model)
+}
+
+/// Half the Hessian of the square of a goal's residual, lifted to the rays by which its merit sees the lens; `None` if it sees more, or no ray
+/// moves. `by_lens` are the derivatives of the merit.
+fn lifted_hessian(
+    goal: &Goal,
+    residual_um: f64,
+    by_lens: LensGradient,
+    mapped: &Mapped,
+    numbers: &[(usize, Number)],
+) -> Option<DMatrix<f64>> {
+    let rays = goal.merit.rays(&mapped.lens)?;
+    let seen = Seen { rays: &rays, places: false, light: &[] };
+    let by_square = by_lens.scaled(2.0 * residual_um * goal.weight_um);
+    let gram = lifted_normal_equations(seen, &mapped.lens, numbers, residual_um * residual_um, &by_square)?;
+    let moving = gram.ncols() - 1;
+    let inner = gram.view((0, 0), (moving, moving));
+    Some(mapped.slopes.transpose() * inner * &mapped.slopes)
 }

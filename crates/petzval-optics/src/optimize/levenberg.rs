@@ -6,10 +6,10 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::analysis::{Analysis, Linearised, analyse, linearise, obstacle};
+use super::analysis::{Analysis, LimitRow, Linearised, analyse, linearise, obstacle};
 use super::descent_state::{DescentProgress, DescentState, Stop};
 use super::problem::Problem;
-use crate::design_space::{DesignSpace, DesignSpaceError};
+use crate::design_space::{DesignSpace, DesignSpaceError, Focus};
 
 /// When to stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,11 +18,14 @@ pub struct LevenbergOptions {
     pub iterations: usize,
     /// Three iterations in a row that improve the RMS (the root of the merit) by less than this share are the last.
     pub tolerance: f64,
+    /// Whether steps follow the curvature of broken limits: each is tried a second time, corrected by how far the first one left the limits.
+    /// Without it a descent along a curved limit takes many short steps.
+    pub follows_limits: bool,
 }
 
 impl Default for LevenbergOptions {
     fn default() -> Self {
-        Self { iterations: 200, tolerance: 1e-7 }
+        Self { iterations: 200, tolerance: 1e-7, follows_limits: false }
     }
 }
 
@@ -105,6 +108,26 @@ fn bounded_step(at: &[f64], bounds: &[[f64; 2]], model: &Linearised, damping: f6
     Some(next)
 }
 
+/// As [`bounded_step`], and not through a constraint that the lens keeps: the penalty of each that the step would break is added to the model,
+/// and the step solved for again.
+fn limited_step(at: &[f64], bounds: &[[f64; 2]], model: &Linearised, damping: f64) -> Option<Vec<f64>> {
+    let mut next = bounded_step(at, bounds, model, damping)?;
+    let mut stiffer = model.clone();
+    while !stiffer.kept.is_empty() {
+        let step = DVector::from_fn(at.len(), |i, _| next[i] - at[i]);
+        let kept = std::mem::take(&mut stiffer.kept);
+        let (broken, kept): (Vec<LimitRow>, Vec<LimitRow>) =
+            kept.into_iter().partition(|k| k.after(&step) > 0.0);
+        stiffer.kept = kept;
+        if broken.is_empty() {
+            break;
+        }
+        broken.iter().for_each(|k| stiffer.add(k.residual_um, &k.row));
+        next = bounded_step(at, bounds, &stiffer, damping)?;
+    }
+    Some(next)
+}
+
 /// Goes down from coordinates `start`; `watch` sees every accepted lens and says whether to go on.
 pub(super) fn descend_from(
     problem: &Problem,
@@ -138,14 +161,23 @@ fn go_down(
             return Some(Descent::new(progress, Stop::Stuck));
         };
         let mut found: Option<(Analysis, Vec<f64>, f64)> = None;
+        let analysed = |at: &[f64]| analyse(problem, space.lens_at(at).ok()?, Some(best));
         let attempt = |factor: f64, found: &mut Option<(Analysis, Vec<f64>, f64)>| {
             let tried = (damping * factor).clamp(1e-12, 1e12);
-            let Some(next) = bounded_step(at, space.bounds(), &model, tried) else { return };
-            let Ok(lens) = space.lens_at(&next) else { return };
-            let Some(analysis) = analyse(problem, lens, Some(best)) else { return };
-            let to_beat = found.as_ref().map_or(best.merit, |(a, ..)| a.merit);
-            if analysis.merit < to_beat {
-                *found = Some((analysis, next, tried));
+            let Some(next) = limited_step(at, space.bounds(), &model, tried) else { return };
+            let Some(analysis) = analysed(&next) else { return };
+            let follow = || {
+                let step = DVector::from_fn(at.len(), |i, _| next[i] - at[i]);
+                let bent = model.bent(&step, &analysis, problem.stiffness_um_per_mm);
+                let next = limited_step(at, space.bounds(), &bent, tried)?;
+                Some((analysed(&next)?, next))
+            };
+            let followed = if options.follows_limits && !model.broken.is_empty() { follow() } else { None };
+            for (analysis, next) in std::iter::once((analysis, next)).chain(followed) {
+                let to_beat = found.as_ref().map_or(best.merit, |(a, ..)| a.merit);
+                if analysis.merit < to_beat {
+                    *found = Some((analysis, next, tried));
+                }
             }
         };
         for factor in AROUND {
@@ -227,17 +259,44 @@ pub fn descend_softly(
     watch: &mut dyn FnMut(usize, &Analysis, &[f64]) -> bool,
 ) -> Result<Descent, DesignSpaceError> {
     let soft = Problem { stiffness_um_per_mm: SOFT_UM_PER_MM, ..problem.clone() };
-    // A quarter of the iterations is left for the stiff penalty in any case: without it the limits would not be kept.
+    descend_by_way_of(&soft, problem, options, watch)
+}
+
+/// How far the image plane may stand from the paraxial focus on the way of [`descend_in_focus`], as a share of its distance.
+const DEFOCUS: f64 = 0.05;
+
+/// Goes down with the image plane at the paraxial focus and a defocus from there, along the limits that bind, and from the end with the plane of
+/// the problem, with the iterations of both together. Where the image distance changes much, a free plane has to follow all other numbers, and
+/// keeps their steps within its depth of focus; and a curved limit keeps them within its stiffness.
+pub fn descend_in_focus(
+    problem: &Problem,
+    options: &LevenbergOptions,
+    watch: &mut dyn FnMut(usize, &Analysis, &[f64]) -> bool,
+) -> Result<Descent, DesignSpaceError> {
+    let range_mm = DEFOCUS * problem.base.image_distance_mm().abs();
+    let focus = Focus::Paraxial { range_mm };
+    let options = LevenbergOptions { follows_limits: true, ..*options };
+    descend_by_way_of(&Problem { focus, ..problem.clone() }, problem, &options, watch)
+}
+
+/// Goes down another problem of the same lens first, and from its end down this one, with the iterations of both together.
+fn descend_by_way_of(
+    way: &Problem,
+    problem: &Problem,
+    options: &LevenbergOptions,
+    watch: &mut dyn FnMut(usize, &Analysis, &[f64]) -> bool,
+) -> Result<Descent, DesignSpaceError> {
+    // A quarter of the iterations is left for the problem in any case: on the way its limits may not be kept.
     let most = LevenbergOptions { iterations: options.iterations - options.iterations / 4, ..*options };
-    let first = descend(&soft, &most, watch)?;
+    let first = descend(way, &most, watch)?;
     if first.stop == Stop::Interrupted {
         return Ok(first);
     }
     let done = first.iterations;
     let left = LevenbergOptions { iterations: options.iterations - done, ..*options };
-    let stiff = Problem { base: first.best.lens, ..problem.clone() };
+    let there = Problem { base: first.best.lens, ..problem.clone() };
     let second =
-        descend(&stiff, &left, &mut |iteration, analysis, at| watch(done + iteration, analysis, at))?;
+        descend(&there, &left, &mut |iteration, analysis, at| watch(done + iteration, analysis, at))?;
     let iterations = done + second.iterations;
     let state = DescentState { iterations, ..second.state.clone() };
     Ok(Descent { iterations, state, ..second })

@@ -214,7 +214,8 @@ impl<'a> Search<'a> {
         let (start, glasses) = self.start(place, &mut random)?;
         let with = self.problem.with_glasses(&glasses);
         let (problem, space) = (&with, &with.space().ok()?);
-        let options = |iterations, tolerance| LevenbergOptions { iterations, tolerance };
+        let options =
+            |iterations, tolerance| LevenbergOptions { iterations, tolerance, ..LevenbergOptions::default() };
         let go_on = &mut |_: usize, _: &Analysis, _: &[f64]| true;
         let trial =
             descend_from(problem, space, start, &options(self.options.trial_iterations, 1e-3), go_on)?;

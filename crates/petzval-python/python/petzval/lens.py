@@ -415,8 +415,8 @@ class Lens:
 
         Args:
             variables: What may move. Those of the lens file if left out; or, where it names none, radii, air gaps and aspheres near their own values.
-            efl: ``"held"``: the solve of the lens file, or the last curved surface, holds the focal length; a number: this surface does;
-                ``"free"``: none does.
+            efl: ``"held"``: the solve of the lens file, or the last curved surface, holds the focal length or, of a near object, the
+                magnification; a number: this surface holds the focal length; ``"free"``: none does.
             focus: ``"paraxial"``: the image plane stands at the paraxial image, and a defocus is a coordinate; ``"free"``: its distance is one;
                 ``"fixed"``: it stays at its distance from the last vertex.
             defocus_mm: Greatest defocus to both sides, mm. Left out, it is 0.5, or twice that of the lens where this is above 0.4.

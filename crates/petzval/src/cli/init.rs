@@ -16,7 +16,8 @@ use super::terminal::{Terminal, print_json};
 /// experiment.toml holds every key, with the range of each number or the words to choose from, and a sentence; lens.toml and sensor.toml stand beside
 /// it. With --lens the experiment is fitted to the lens: its title, the focus, the array of the sensor, the grid of the PSFs and the requirements
 /// follow from it, and every choice is said. A lens file of another program (.zmx, .seq, .json) will do. A lens that names no variables gets
-/// curvatures, gaps of air and the coefficients of its aspheres; the last radius holds the focal length.
+/// curvatures, gaps of air and the coefficients of its aspheres; the last radius holds the focal length
+/// or, of a near object, the magnification.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Folder for the files [default: the name of the lens file, or my-camera]

@@ -253,6 +253,13 @@ fn a_near_object_keeps_its_magnification_and_aperture() {
     assert_eq!(after.0, before.0);
     // The entrance pupil followed its distance from the object.
     assert!((after.1 / before.1 - 1.0).abs() > 1e-4, "{before:?} {after:?}");
+    // The lens that was found holds it as well, by the same radius.
+    let found = read(&folder.path().join("run/best.toml"));
+    assert!(found.contains("magnification = { surface = 7, magnification = -0."), "{found}");
+    let again =
+        ["lens", "optimize", "run/best.toml", "--out", "again", "--vary", "curvature", "--iterations", "3"];
+    run_ok(folder.path(), &again);
+    assert_eq!(kept("again/best.toml").0, before.0);
     // What holds the magnification may be let free.
     run_ok(folder.path(), &["lens", "optimize", "near.toml", "--out", "free", "--efl", "free"]);
     assert_ne!(kept("free/best.toml").0, before.0);

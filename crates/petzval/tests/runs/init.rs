@@ -1,6 +1,6 @@
 //! An experiment with its lens and its sensor as files to edit.
 
-use crate::common::{read, run, run_fails, run_ok};
+use crate::common::{data, read, run, run_fails, run_ok};
 
 #[test]
 fn the_files_are_complete_and_run() {
@@ -51,6 +51,22 @@ fn the_files_are_complete_and_run() {
     let text = read(&folder.path().join("from-there/experiment.toml"));
     assert!(text.contains(&format!("photos = \"{}\"", beside.join("pictures").display())), "{text}");
     assert!(!folder.path().join("other").exists());
+}
+
+/// The same rule as that of `lens optimize`, in the same words.
+#[test]
+fn a_lens_for_a_near_object_keeps_its_magnification() {
+    let folder = tempfile::tempdir().unwrap();
+    let text =
+        read(&data("lenses/cooke-triplet-nominal.toml")).replace("distance_mm = inf", "distance_mm = 120.0");
+    let lens = text.split("[[variable]]").next().unwrap();
+    std::fs::write(folder.path().join("near.toml"), lens).unwrap();
+    let said = run_ok(folder.path(), &["init", "mine", "--lens", "near.toml"]).stdout;
+    assert!(said.contains("the radius of surface 7 holds the magnification"), "{said}");
+    let fitted = read(&folder.path().join("mine/lens.toml"));
+    assert!(fitted.contains("magnification = { surface = 7, magnification = -0."), "{fitted}");
+    assert!(!fitted.contains("efl = {"), "{fitted}");
+    run_ok(folder.path(), &["design", "mine/experiment.toml", "--check"]);
 }
 
 #[test]

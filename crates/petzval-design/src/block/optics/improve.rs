@@ -60,7 +60,8 @@ impl OpticsBlock {
             _ => self.searched(goal, start.clone(), search, watch)?,
         };
         let problem = |lens: Lens| self.start.problem(goal, lens, STIFFNESS_UM_PER_MM);
-        let options = LevenbergOptions { iterations, tolerance: tolerance(goal) };
+        let options =
+            LevenbergOptions { iterations, tolerance: tolerance(goal), ..LevenbergOptions::default() };
         let mut seen = Ok(());
         let mut best = descend_softly(&problem(lens.clone()), &options, &mut |_, analysis, _| {
             seen = watch(lens_losses(analysis));

@@ -2,11 +2,12 @@
 
 use petzval_files::LensFile;
 use petzval_files::lens_toml::parameter_name;
-use petzval_optics::design_space::{EflSolve, Variable};
+use petzval_optics::design_space::{EflSolve, MagnificationSolve, Variable};
 use petzval_optics::glass::{Catalog, Glass};
 use petzval_optics::lens::{Action, Lens, ObjectDistance, Surface, SurfaceShape};
 use petzval_optics::number::{ASPHERE_TERMS, Number};
 use petzval_optics::paraxial::first_order;
+use petzval_optics::solve::magnification;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -264,6 +265,11 @@ impl Editor<'_> {
             }
             Edit::Object { distance_mm } => {
                 file.lens.object = distance_mm.map_or(ObjectDistance::Infinity, ObjectDistance::Finite);
+                // From another distance the lens has another magnification, which is held from now on.
+                let found = magnification(&file.lens);
+                file.magnification_solve = file
+                    .magnification_solve
+                    .and_then(|solve| Some(MagnificationSolve { magnification: found?, ..solve }));
             }
             Edit::Name { name } => file.lens.name.clone_from(name),
             Edit::Focus { at } => file.lens = focused(file.lens.clone(), *at)?,
@@ -279,7 +285,9 @@ impl Editor<'_> {
                 let number = named(parameter, &file.lens.surfaces[i], *surface)?;
                 hold(i, number, file);
             }
-            Edit::SolveEfl { surface: None, .. } => file.efl_solve = None,
+            Edit::SolveEfl { surface: None, .. } => {
+                (file.efl_solve, file.magnification_solve) = (None, None);
+            }
             Edit::SolveEfl { surface: Some(surface), efl_mm } => {
                 let i = shaped(index(*surface)?, &file.lens)?;
                 let own_mm = || first_order(&file.lens.at_wavelength(file.lens.reference_um)).efl_mm;
@@ -290,6 +298,7 @@ impl Editor<'_> {
                 }
                 hold(i, Number::Curvature, file);
                 file.efl_solve = Some(EflSolve { surface: i, efl_mm, radius_mm: None });
+                file.magnification_solve = None;
             }
         }
         Ok(())
@@ -320,7 +329,7 @@ impl Editor<'_> {
 /// Settles what follows other numbers: pickups, then the solve for the length, then that for the focal length. Bounds of variables are widened to
 /// enclose the lens.
 pub(super) fn settle(file: &mut LensFile) -> Result<(), JobError> {
-    use petzval_optics::solve::{with_efl, with_length};
+    use petzval_optics::solve::{with_efl, with_length, with_magnification};
     for pickup in &file.pickups {
         let followed = file.variables[pickup.variable];
         let value = followed.number.read(&file.lens, followed.surface);
@@ -337,6 +346,16 @@ pub(super) fn settle(file: &mut LensFile) -> Result<(), JobError> {
                     solve.surface + 1,
                     solve.efl_mm
                 ),
+                "end the solve, or move it to a surface at which the marginal ray is high",
+            )
+        })?;
+        file.lens = solved;
+    }
+    if let Some(solve) = file.magnification_solve {
+        let (number, wanted) = (solve.surface + 1, solve.magnification);
+        let solved = with_magnification(&file.lens, solve.surface, wanted).ok_or_else(|| {
+            JobError::input(
+                format!("no radius of surface {number} gives a magnification of {wanted}"),
                 "end the solve, or move it to a surface at which the marginal ray is high",
             )
         })?;
@@ -390,8 +409,8 @@ fn hold(surface: usize, number: Number, file: &mut LensFile) {
     let variables = &file.variables;
     file.pickups.retain(|p| p.surface != surface || variables[p.variable].number != number);
     keep_variables(file, |v| (v.surface, v.number) != (surface, number));
-    if number == Number::Curvature && file.efl_solve.is_some_and(|solve| solve.surface == surface) {
-        file.efl_solve = None;
+    if number == Number::Curvature && file.solves().curvature().is_some_and(|(solved, _)| solved == surface) {
+        (file.efl_solve, file.magnification_solve) = (None, None);
     }
     if number == Number::Thickness && file.length_solve.is_some_and(|(solved, _)| solved == surface) {
         file.length_solve = None;
@@ -500,6 +519,9 @@ fn move_mentions(file: &mut LensFile, from: usize, to: impl Fn(usize) -> usize) 
     if let Some(solve) = &mut file.efl_solve {
         moved(&mut solve.surface);
     }
+    if let Some(solve) = &mut file.magnification_solve {
+        moved(&mut solve.surface);
+    }
     if let Some((surface, _)) = &mut file.length_solve {
         moved(surface);
     }
@@ -553,6 +575,7 @@ fn delete(i: usize, file: &mut LensFile) -> Result<(), JobError> {
     keep_variables(file, |v| v.surface != i);
     file.pickups.retain(|p| p.surface != i);
     file.efl_solve = file.efl_solve.filter(|solve| solve.surface != i);
+    file.magnification_solve = file.magnification_solve.filter(|solve| solve.surface != i);
     file.length_solve = file.length_solve.filter(|(surface, _)| *surface != i);
     let gone = file.lens.surfaces.remove(i);
     if let Some(front) = i.checked_sub(1) {
@@ -602,5 +625,7 @@ fn scale_to(efl_mm: f64, file: &mut LensFile) -> Result<(), JobError> {
     file.pickups.clear();
     file.length_solve = file.length_solve.map(|(surface, length_mm)| (surface, length_mm * factor));
     file.efl_solve = file.efl_solve.map(|solve| EflSolve { efl_mm, radius_mm: None, ..solve });
+    file.magnification_solve =
+        file.magnification_solve.map(|solve| MagnificationSolve { radius_mm: None, ..solve });
     Ok(())
 }

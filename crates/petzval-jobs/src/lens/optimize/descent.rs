@@ -3,16 +3,24 @@
 use std::time::Instant;
 
 use petzval_design::path_text::path_text;
+use petzval_optics::design_space::DesignSpaceError;
 use petzval_optics::lens::Lens;
 use petzval_optics::optimize::{
-    Analysis, Descent, DescentProgress, LevenbergOptions, Problem, Stop, descend_on, descend_softly,
-    descend_watched,
+    Analysis, Descent, DescentProgress, LevenbergOptions, Problem, Stop, descend_in_focus, descend_on,
+    descend_softly, descend_watched,
 };
 
 use super::history::{History, KeptDescent};
 use super::progress::{Clock, KEEP_EVERY, STEP_SHARE, Upto, WORTH_IT, line, not_optimisable};
 use crate::context::Context;
 use crate::error::JobError;
+
+/// A descent of a problem by another way than straight down.
+type Way = fn(
+    &Problem,
+    &LevenbergOptions,
+    &mut dyn FnMut(usize, &Analysis, &[f64]) -> bool,
+) -> Result<Descent, DesignSpaceError>;
 
 /// Levenberg and Marquardt's method from where an earlier call left off, or from the lens itself.
 pub(super) fn descent(
@@ -59,7 +67,7 @@ pub(super) fn descent(
         Some(KeptDescent { state, .. }) => descend_on(problem, &options, &state, &mut watch),
         None => descend_watched(problem, &options, &mut watch),
     };
-    let descent = descent.map_err(|e| not_optimisable(&e))?;
+    let mut descent = descent.map_err(|e| not_optimisable(&e))?;
     if let Some(failure) = failure {
         return Err(failure);
     }
@@ -69,21 +77,22 @@ pub(super) fn descent(
         history.keep_best(problem, &descent.best)?;
         return Ok(noted(descent, context));
     }
-    // Another way may lead further, because limits are penalties. Spots cost little, other goals do not.
+    // Other ways may lead further, because limits are penalties, and the image plane follows all other numbers. Spots cost little, other goals do
+    // not.
     let is_of_spots = problem.goals.iter().all(|goal| goal.weight_um == 0.0);
     let goes_softly = is_of_spots && !went_softly;
-    let softly = || {
-        let mut watch = |iteration: usize, _: &Analysis, _: &[f64]| {
-            context.progress(iteration as u64, iterations as u64, "descent with softer limits");
-            !context.is_cancelled()
-        };
-        descend_softly(problem, &options, &mut watch).ok()
-    };
-    let other = if goes_softly { softly() } else { None };
-    let descent = match other.filter(|other| other.best.merit < WORTH_IT * descent.best.merit) {
-        Some(other) if other.stop != Stop::Interrupted => other,
-        _ => descent,
-    };
+    if goes_softly {
+        let ways: [(Way, &str); 2] =
+            [(descend_softly, "descent with softer limits"), (descend_in_focus, "descent in focus")];
+        for (way, name) in ways {
+            let mut watch = |iteration: usize, _: &Analysis, _: &[f64]| {
+                context.progress(iteration as u64, iterations as u64, name);
+                !context.is_cancelled()
+            };
+            let other = way(problem, &options, &mut watch).ok().filter(|d| d.stop != Stop::Interrupted);
+            descent = other.filter(|d| d.best.merit < WORTH_IT * descent.best.merit).unwrap_or(descent);
+        }
+    }
     // The last lens counts, however little it gained.
     if history.is_better(&descent.best, 0.0) {
         add(problem, history, &clock, descent.iterations, &descent.best, &descent.at, context)?;

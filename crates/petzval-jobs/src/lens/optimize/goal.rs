@@ -9,7 +9,6 @@ use petzval_design::assets::Assets;
 use petzval_design::experiment::{ExposureConfig, PsfConfig};
 use petzval_design::lens::restored::RestoredError;
 use petzval_files::{LensFile, OperandFile};
-use petzval_optics::analysis::first_order_table;
 use petzval_optics::design_space::{
     EflSolve, Focus, MagnificationSolve, Pickup, Solves, Variable, Vary, powered, varied, wide_variables,
 };
@@ -20,6 +19,7 @@ use petzval_optics::number::Number;
 use petzval_optics::optimize::{GlassChoice, Goal as MeritGoal, Limits, Problem};
 use petzval_optics::paraxial::{first_order, marginal_tangent};
 use petzval_optics::pupil::PupilSampling;
+use petzval_optics::solve::magnification;
 
 use super::operand::goals_of;
 use crate::error::JobError;
@@ -281,8 +281,8 @@ impl Goal {
             let hint = format!("--efl {}, or start from another lens", efl_mm.abs().copysign(own_mm));
             return Err(JobError::setting("efl", wanted, message, hint));
         }
-        if let Some(solve) = file.efl_solve {
-            return Ok(Some(EflSolve { efl_mm, ..solve }));
+        if let Some((surface, radius_mm)) = file.solves().curvature() {
+            return Ok(Some(EflSolve { surface, efl_mm, radius_mm }));
         }
         let (surface, radius_mm) = holding(file).ok_or_else(|| {
             let hint = "it takes a curved surface between two media, or a curved mirror, without pickups from or to it";
@@ -293,10 +293,13 @@ impl Goal {
 
     /// The solve that holds the magnification of a near object, unless the user lets it vary with the focal length.
     fn magnification_solve(&self, file: &LensFile) -> Option<MagnificationSolve> {
-        let magnification = first_order_table(&file.lens).magnification?;
-        let is_held = self.efl.is_none() && magnification.is_finite() && magnification != 0.0;
-        let (surface, radius_mm) = is_held.then(|| holding(file)).flatten()?;
-        Some(MagnificationSolve { surface, magnification, radius_mm })
+        let is_held = self.efl.is_none();
+        let own = || {
+            let magnification = magnification(&file.lens)?;
+            let (surface, radius_mm) = holding(file)?;
+            Some(MagnificationSolve { surface, magnification, radius_mm })
+        };
+        is_held.then(|| file.magnification_solve.or_else(own)).flatten()
     }
 }
 

@@ -6,9 +6,8 @@ use std::path::{Path, PathBuf};
 
 use petzval_design::path_text::path_text;
 use petzval_files::{LensFile, write_lens};
-use petzval_optics::design_space::{EflSolve, Variable};
+use petzval_optics::design_space::{EflSolve, MagnificationSolve, Variable};
 use petzval_optics::lens::{LensDefect, validate};
-use petzval_optics::number::Number;
 use petzval_optics::optimize::{Analysis, DescentState, Kept, Problem, SearchState};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -318,17 +317,11 @@ impl History {
             let radius_mm = solve.radius_mm.map(|bounds| around(bounds, radius(solve.surface)));
             EflSolve { radius_mm, ..solve }
         });
-        let (mut variables, pickups) = match problem.solves.magnification {
-            // A lens file solves for no magnification: there the radius that held it is a variable.
-            Some(_) => (self.file.variables.clone(), self.file.pickups.clone()),
-            None => (problem.variables.clone(), problem.pickups.clone()),
-        };
-        if let Some(solve) = problem.solves.magnification {
-            let is_held = |v: &&mut Variable| (v.surface, v.number) == (solve.surface, Number::Curvature);
-            for v in variables.iter_mut().filter(is_held) {
-                [v.min, v.max] = around([v.min, v.max], radius(solve.surface));
-            }
-        }
+        let magnification_solve = problem.solves.magnification.map(|solve| {
+            let radius_mm = solve.radius_mm.map(|bounds| around(bounds, radius(solve.surface)));
+            MagnificationSolve { radius_mm, ..solve }
+        });
+        let (mut variables, pickups) = (problem.variables.clone(), problem.pickups.clone());
         // Leave out variables that the file did not name, which stand behind its own: they were a guess for this optimisation.
         let is_named = |v: &Variable| {
             self.file.variables.iter().any(|own| (own.surface, own.number) == (v.surface, v.number))
@@ -336,7 +329,7 @@ impl History {
         variables.retain(is_named);
         let pickups = if variables.is_empty() { Vec::new() } else { pickups };
         let length_solve = problem.solves.length;
-        LensFile { lens, expect: None, variables, pickups, efl_solve, length_solve }
+        LensFile { lens, expect: None, variables, pickups, efl_solve, magnification_solve, length_solve }
     }
 
     fn write_steps(&self) -> Result<(), JobError> {

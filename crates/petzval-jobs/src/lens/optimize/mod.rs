@@ -28,7 +28,7 @@ use self::progress::{Upto, named_violations, not_optimisable, only_image_plane};
 use self::request::{ITERATIONS, ROUNDS};
 use self::search::search;
 use self::trade::{check_trade, trades};
-use super::focus::no_image;
+use super::focus::{NoImage, no_image};
 use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::JobError;
@@ -100,8 +100,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
             let (name, placed) = lens.placed(context)?;
             let file = placed.assets.start(&name)?;
             // A lens without an image has beam widths in place of spots: less of them would make a telescope no telescope.
-            if let (None, None, Some(reason)) = (&goal.efl, &goal.operands, no_image(&file.lens)) {
-                let hint = "--efl MM makes it a lens of that focal length; a thin lens of known focal length behind it makes an image of parallel light";
+            if let (None, None, Some(NoImage { reason, hint })) =
+                (&goal.efl, &goal.operands, no_image(&file.lens))
+            {
+                let hint = format!("--efl MM makes it a lens of that focal length; {hint}");
                 return Err(JobError::input(format!("{name}: {reason}"), hint));
             }
             let problem = new_problem(&config, &file, assets)?;
@@ -309,7 +311,9 @@ fn note_held_radius(problem: &Problem, file: &LensFile, goal: &Goal, context: &C
         (Some(solve), _) if file.efl_solve.is_none() => {
             held(solve.surface, format!("the focal length of {:.4} mm", solve.efl_mm));
         }
-        (_, Some(solve)) => held(solve.surface, format!("the magnification of {:.4}", solve.magnification)),
+        (_, Some(solve)) if file.magnification_solve.is_none() => {
+            held(solve.surface, format!("the magnification of {:.4}", solve.magnification));
+        }
         (None, None) if goal.efl.is_none() => {
             context.note("the focal length is not held: the lens is afocal, or no radius can hold it");
         }
