@@ -10,7 +10,7 @@ use petzval_design::block::Block;
 use petzval_design::camera::Camera;
 use petzval_design::design_loop::{finished_camera, set_sight};
 use petzval_design::experiment::{Experiment, PsfsBy};
-use petzval_design::inputs::{check_inputs, check_parts};
+use petzval_design::inputs::{check_inputs, check_parts_or_accepted};
 use petzval_design::made_cameras::{MadeError, TrialPlan, made_cameras, symmetric};
 use petzval_design::report::run_report::{camera_lens, read_metrics};
 use petzval_design::run::input_list::{check_pictures_are_there, pictures_of_run};
@@ -186,7 +186,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         experiment.network.pin_weights(experiment.psf.kind.traced());
         experiment.psf.kind = kind;
     }
-    let (setup, are_others) = setup(experiment, &folder, (place, given.as_ref()), request, context)?;
+    let (setup, are_others) =
+        setup(experiment, (&folder, &check), (place, given.as_ref()), request, context)?;
     let scorer = scorer(setup)?;
     let setup = scorer.setup();
     if scorer.scores() != kept.scores {
@@ -271,7 +272,7 @@ fn check_given(request: &Request, experiment: &Experiment) -> Result<(), JobErro
 /// What cameras of a run are scored with, and whether its pictures are others than those of the run.
 fn setup(
     mut experiment: Experiment,
-    folder: &RunFolder,
+    (folder, check): (&RunFolder, &DigestCheck<'_>),
     (place, given): (Option<&Path>, Option<&Arc<PsfBank>>),
     request: &Request,
     context: &Context,
@@ -305,7 +306,7 @@ fn setup(
         ));
     }
     let setup = Setup::with_psfs(experiment, &context.assets, device()?, given, Purpose::Scores)?;
-    check_parts(&setup, folder)?;
+    check_parts_or_accepted(&setup, folder, check)?;
     context.note(format!(
         "{} holds other pictures than those of the run: all of them are scored",
         place.display()

@@ -278,6 +278,19 @@ fn what_was_changed_in_a_finished_run_is_named_and_not_believed() {
     let accepted = ["apply", "copy", &photo, "--camera", "nominal", "--out", "noisy"];
     let said = run_ok(folder.path(), &[&accepted[..], &["--accept-changed", "inputs"]].concat());
     assert!(said.says("copy: inputs is not as the run wrote it; accepted"), "{}", said.stderr);
+    // No other verb believes it either, and each takes the same way out.
+    copy_photos(&folder.path().join("other"), &["china.png"]);
+    for args in [
+        &["report", "copy"][..],
+        &["compare", "copy", "--out", "page.html"],
+        &["evaluate", "copy", "--photos", "other"],
+    ] {
+        run_fails(folder.path(), args, 2, &needles);
+        let said = run_ok(folder.path(), &[args, &["--accept-changed", "inputs"]].concat());
+        assert!(said.says("copy: inputs is not as the run wrote it; accepted"), "{args:?} {}", said.stderr);
+    }
+    let own = "inputs are not those that this run began with: the sensor";
+    run_fails(folder.path(), &["evaluate", "copy"], 2, &[own, "put them back"]);
 
     // A run of an earlier version has no digests: it is read with one warning.
     changed("metrics.json", &edit);
