@@ -22,6 +22,7 @@ use crate::context::Context;
 use crate::error::JobError;
 use crate::event::WarningKind;
 use crate::results::{check_file, has_ending};
+use crate::run_page::warn_of_missing_pictures;
 
 /// Runs to compare.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -153,6 +154,7 @@ fn group(comparison: &Comparison, context: &Context) -> Result<Group, JobError> 
     let experiment = context.assets.experiment_of_run(&folder)?;
     let setup = Setup::without_windows(experiment, &context.assets, context.device("cpu")?)?;
     let mut report = report_of_run(&setup, &folder, "")?;
+    warn_of_missing_pictures(&report, context);
     report.pictures.truncate(SHOWN);
     let seeds: Vec<String> = comparison.seeds.iter().map(u64::to_string).collect();
     let memory = comparison.memory_gb.map_or_else(String::new, |gb| format!(", at most {gb:.2} GB"));

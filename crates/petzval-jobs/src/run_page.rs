@@ -28,9 +28,17 @@ pub(crate) fn write(
     context: &Context,
 ) -> Result<(PathBuf, Vec<String>), JobError> {
     let report = report(setup, folder)?;
+    warn_of_missing_pictures(&report, context);
     write_file(&folder.report(), html(&report).as_bytes())?;
     context.wrote(folder.report(), "page");
     Ok((folder.report(), sentences(&report)))
+}
+
+/// Says which pictures of a run its page does not show.
+pub(crate) fn warn_of_missing_pictures(report: &Report, context: &Context) {
+    if let Some(files) = &report.left_out {
+        context.warning(WarningKind::Picture, files);
+    }
 }
 
 /// Refuses a finished run whose figures, events or cameras are not as the run wrote them, unless the user accepts the change.
