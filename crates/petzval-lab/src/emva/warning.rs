@@ -251,6 +251,16 @@ warnings! {
         standard_error_e: f64,
     } => "the list states a full well of {stated_e} e-, and the signal ends at {measured_e:.0} +- {standard_error_e:.0} e-; sensor.toml holds what is stated";
 
+    /// The black level that the list states is not that of the dark frames.
+    BlackLevelDiffers("black-level-differs", severity (measured_dn - stated_dn).abs()) {
+        /// Linear gain.
+        linear_gain: f64,
+        /// As stated, DN.
+        stated_dn: f64,
+        /// Level of the dark frames without dark current, DN.
+        measured_dn: f64,
+    } => "at gain {linear_gain} the list states a black level of {stated_dn} DN, and dark frames lie at {measured_dn:.2} DN: is `black_level_dn` right? sensor.toml holds what is stated, and the difference as electronics_mean_dn";
+
     /// The dark histogram has a tail of bright pixels that the model lacks: DSNU or hot pixels.
     DarkTail at point ("dark-tail", severity share * mean_dn) {
         /// Share of the pixels beyond what the model explains.
