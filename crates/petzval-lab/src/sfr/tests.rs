@@ -447,6 +447,26 @@ fn standard_errors_are_the_scatter_over_noise() {
     assert_honest(&edge, 32, correlated);
 }
 
+/// By the scatter of six bands alone the root of the mean square of the deviations was 1.7 to 1.9 standard errors.
+#[test]
+fn standard_errors_of_small_regions_hold() {
+    const SEEDS: u64 = 100;
+    let mut deviations = Vec::new();
+    for angle_deg in [3.0, 4.0, 5.0, 7.0] {
+        let edge = Edge { height: 20, width: 20, ..Edge::at(angle_deg, SIGMA) };
+        let light = edge.light();
+        let deviation = |seed| {
+            let found = edge.measured(&with_noise(&light, 0.012, seed)).unwrap().sfr.mtf50().unwrap();
+            (found.frequency - edge.mtf50()) / found.standard_error
+        };
+        deviations.extend((0..SEEDS).map(deviation));
+    }
+    let count = deviations.len() as f64;
+    let rms = (deviations.iter().map(|z: &f64| z * z).sum::<f64>() / count).sqrt();
+    let within = deviations.iter().filter(|z| z.abs() < 2.0).count() as f64 / count;
+    assert!((0.8..1.35).contains(&rms) && within > 0.88, "rms {rms}, {within} within two errors");
+}
+
 #[test]
 fn a_contrast_of_5_percent_with_noise_is_measured() {
     let edge = Edge { height: 64, width: 64, levels: [0.5, 0.525], ..Edge::at(5.0, SIGMA) };
