@@ -399,6 +399,18 @@ fn a_mosaic_that_the_list_leaves_out_is_named() {
     set_list(folder.path(), &without.join("\n"));
     let found = measured(folder.path()).unwrap();
     assert!(is_named(&found), "{:?}", found.warnings);
+    assert!(messages(&found, "other-mosaic").is_empty(), "{:?}", found.warnings);
+
+    // Pairs alone show it as well; so do those of a mosaic that begins at another place.
+    let folder = series(&imx249(), &one_gain());
+    let pairs = list(folder.path());
+    assert!(messages(&measured(folder.path()).unwrap(), "other-mosaic").is_empty());
+    let of_pairs: Vec<&str> = pairs.lines().filter(|line| !line.starts_with("cfa")).collect();
+    for text in [of_pairs.join("\n"), pairs.replace("\"RGGB\"", "\"GRBG\"")] {
+        set_list(folder.path(), &text);
+        let said = messages(&measured(folder.path()).unwrap(), "other-mosaic");
+        assert!(said.len() == 1 && said[0].contains("state it in `cfa`"), "{said:?}");
+    }
 }
 
 #[test]

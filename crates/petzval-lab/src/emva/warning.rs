@@ -180,6 +180,14 @@ warnings! {
         percent: f64,
     } => "{point}: parts of the flat field differ by {percent:.1} %";
 
+    /// Pixels of one colour differ by their place in a tile, and there is no stack in which the test of the PRNU says so.
+    OtherMosaic("other-mosaic", severity *percent) {
+        /// Linear gain.
+        linear_gain: f64,
+        /// Largest difference of two places, percent of the signal.
+        percent: f64,
+    } => "at gain {linear_gain} pixels of one colour differ by {percent:.0} % of the signal by their place in a tile of 4x4 pixels, as if they have colour filters of another mosaic; if so, state it in `cfa`";
+
     /// A flat point has no usable dark frames of its gain and exposure time, and is not used.
     NoDark at point ("no-dark") {} =>
         "{point}: no usable dark frames of this gain and exposure time; the point does not count";
