@@ -10,7 +10,7 @@ use super::detection::{
 use crate::detection::{BBox, Detection, Truth};
 
 /// The objects of a window whose first pixel is at `at` on the sensor, row and column, and what was found there, in pixels of the sensor.
-/// A region that is not judged is one for each of the `classes`.
+/// A region that is not judged is one of its class, or one for each of the `classes`.
 pub fn judged(truth: &Truth, found: &[Detection], at: [usize; 2], classes: usize) -> Picture {
     let bounds = |b: &BBox| -> Xywh {
         let [x, y] = [b.x1 + at[1] as f32, b.y1 + at[0] as f32].map(f64::from);
@@ -22,9 +22,10 @@ pub fn judged(truth: &Truth, found: &[Detection], at: [usize; 2], classes: usize
     };
     let all = truth.objects.iter().chain(&truth.beside);
     let mut objects: Vec<TrueObject> = all.map(|o| object(&o.bbox, o.class, false)).collect();
-    // Whatever is found in a region that is not judged, of any class, is neither right nor wrong.
+    // What is found in a region that is not judged is neither right nor wrong.
     for region in &truth.ignored {
-        objects.extend((0..classes).map(|class| object(region, class, true)));
+        let of = (0..classes).filter(|class| region.is_of(*class));
+        objects.extend(of.map(|class| object(&region.bbox, class, true)));
     }
     let detections = found
         .iter()
@@ -246,7 +247,7 @@ pub fn confusion(windows: &[Picture], classes: usize) -> StateConfusion {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::detection::Object;
+    use crate::detection::{Ignored, Object};
 
     /// Twelve windows with one object each; the detector finds every second one, and none in the last four.
     fn windows() -> Vec<Picture> {
@@ -255,7 +256,7 @@ mod tests {
             .map(|i| {
                 let truth = Truth {
                     objects: vec![Object { bbox: bbox(5.0), class: i % 2 }],
-                    ignored: vec![bbox(60.0)],
+                    ignored: vec![Ignored::of_all(bbox(60.0))],
                     ..Truth::default()
                 };
                 let x = if i % 3 == 0 || i >= 8 { 100.0 } else { 6.0 };
@@ -264,6 +265,23 @@ mod tests {
                 judged(&truth, &[found(x, 0.5 + 0.03 * i as f32), found(61.0, 0.99)], [100 * i, 50], 2)
             })
             .collect()
+    }
+
+    #[test]
+    fn a_crowd_hides_mistakes_of_its_own_class_alone() {
+        let bbox = |x: f32| BBox::new(x, 10.0, x + 20.0, 40.0);
+        let truth = Truth {
+            objects: (0..2).map(|class| Object { bbox: bbox(5.0), class }).collect(),
+            ignored: vec![Ignored { bbox: bbox(60.0), class: Some(0) }],
+            ..Truth::default()
+        };
+        // The surest detection of either class is in the crowd of the first.
+        let found = [(60.0, 0, 0.9), (5.0, 0, 0.8), (60.0, 1, 0.9), (5.0, 1, 0.8)]
+            .map(|(x, class, score)| Detection { bbox: bbox(x), class, score });
+        let windows = [judged(&truth, &found, [0, 0], 2)];
+        let ranking = Ranking::new(&windows, 2, &Protocol::coco_at(0.5), &Group::all());
+        let area = |class| ranking.class_average_precision(class, Interpolation::Points101, None).unwrap();
+        assert!((area(0) - 1.0).abs() < 1e-12 && (area(1) - 0.5).abs() < 1e-12, "{} {}", area(0), area(1));
     }
 
     #[test]
