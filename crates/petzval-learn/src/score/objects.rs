@@ -5,7 +5,7 @@ use petzval_files::coco::LIGHT_STATES;
 use super::ScoreDescription;
 use super::detection::{
     Bootstrap, COCO_LARGE_PX2, COCO_SMALL_PX2, FoundObject, Group, Interpolation, Picture, Protocol, Ranking,
-    StateConfusion, StateOf, TrueObject, Xywh, bootstrap,
+    StateConfusion, StateOf, TrueObject, Xywh, bootstrap, drawn_scores, percentiles,
 };
 use crate::detection::{BBox, Detection, Truth};
 
@@ -184,15 +184,37 @@ impl ObjectScore {
         classes: usize,
         field: Field,
     ) -> Option<[f64; 2]> {
+        self.with_figure(windows, classes, field, |figure| range_of(clusters, figure))
+    }
+
+    /// The figure of every draw of [`interval`](Self::interval); see [`drawn_scores`].
+    pub fn draws(
+        &self,
+        windows: &[Picture],
+        clusters: &[usize],
+        classes: usize,
+        field: Field,
+    ) -> Vec<Option<f64>> {
+        self.with_figure(windows, classes, field, |figure| draws_of(clusters, figure))
+    }
+
+    /// What follows from the figure by how often each window counts.
+    fn with_figure<T>(
+        &self,
+        windows: &[Picture],
+        classes: usize,
+        field: Field,
+        of: impl FnOnce(&(dyn Fn(&[u32]) -> Option<f64> + Sync)) -> T,
+    ) -> T {
         if let Some(ranking) = self.ranking(windows, classes, field) {
-            return range_of(clusters, |counts| self.area(&ranking, Some(counts)));
+            return of(&|counts| self.area(&ranking, Some(counts)));
         }
         let of_window = |window| {
             let found = confusion(std::slice::from_ref(window), classes);
             [found.right(), found.detected()]
         };
         let of_windows: Vec<[u64; 2]> = windows.iter().map(of_window).collect();
-        range_of(clusters, |counts| {
+        of(&|counts| {
             let drawn = || of_windows.iter().zip(counts);
             let sum =
                 |k: usize| -> u64 { drawn().map(|(window, count)| u64::from(*count) * window[k]).sum() };
@@ -231,8 +253,23 @@ impl ObjectScore {
 
 /// Where a score lies in 95 % of 500 draws of clusters of pictures, low and high; see [`bootstrap`].
 pub fn range_of(clusters: &[usize], score: impl Fn(&[u32]) -> Option<f64> + Sync) -> Option<[f64; 2]> {
-    let how = Bootstrap { draws: DRAWS, ..Bootstrap::of_clusters(clusters.to_vec(), 1) };
-    bootstrap(&how, score).map(|range| [range.low, range.high])
+    bootstrap(&of_500_draws(clusters), score).map(|range| [range.low, range.high])
+}
+
+/// The scores of these draws; see [`drawn_scores`].
+pub fn draws_of(clusters: &[usize], score: impl Fn(&[u32]) -> Option<f64> + Sync) -> Vec<Option<f64>> {
+    drawn_scores(&of_500_draws(clusters), score)
+}
+
+/// Where the difference of two scores lies in 95 % of these draws, low and high, from the scores of both.
+pub fn range_of_difference(ours: &[Option<f64>], theirs: &[Option<f64>]) -> Option<[f64; 2]> {
+    let pairs = ours.iter().zip(theirs);
+    let mut differences: Vec<f64> = pairs.filter_map(|(ours, theirs)| Some((*ours)? - (*theirs)?)).collect();
+    percentiles(&mut differences, of_500_draws(&[]).confidence)
+}
+
+fn of_500_draws(clusters: &[usize]) -> Bootstrap {
+    Bootstrap { draws: DRAWS, ..Bootstrap::of_clusters(clusters.to_vec(), 1) }
 }
 
 /// Confusion matrix of classes: objects against detections of score 0.5 or more that overlap them by half.
