@@ -217,19 +217,8 @@ pub fn check_inputs(setup: &Setup, run: &RunFolder) -> Result<Inputs, DesignErro
     Err(DesignError::Run { path, problem })
 }
 
-/// Refuses to score cameras on other pictures with another lens, sensor, ISP or network than the run was made from.
-pub fn check_parts(setup: &Setup, run: &RunFolder) -> Result<(), DesignError> {
-    let changed = changed_parts(setup, run)?;
-    if changed.is_empty() {
-        return Ok(());
-    }
-    let problem =
-        format!("inputs are not those that this run began with: {}; put them back", changed.join(", "));
-    Err(DesignError::Run { path: run.input_list(), problem })
-}
-
-/// [`check_parts`] before cameras take pictures that are not scored: a user may accept other inputs as a change of the folder `inputs`. The
-/// setup needs no windows.
+/// Refuses to use or to show the cameras of a run with another lens, sensor, ISP or network than it was made from: what every verb checks that
+/// needs no pictures of the run. A user may accept other inputs as a change of the folder `inputs`. The setup needs no windows.
 pub fn check_parts_or_accepted(
     setup: &Setup,
     run: &RunFolder,

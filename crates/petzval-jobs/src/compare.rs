@@ -1,12 +1,14 @@
 //! `compare`: several runs on one page, with means over seeds.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use petzval_base::write_whole;
 use petzval_design::error::DesignError;
+use petzval_design::inputs::check_parts_or_accepted;
 use petzval_design::report::comparison::{ComparedDifference, Comparison, compare, comparison_csv};
 use petzval_design::report::run_report::report_of_run;
-use petzval_design::run::RunFolder;
+use petzval_design::run::{DigestCheck, RunFolder};
 use petzval_design::setup::Setup;
 use petzval_design::study::MeanAndDeviation;
 use petzval_learn::score::ScoreDescription;
@@ -20,6 +22,7 @@ use crate::context::Context;
 use crate::error::JobError;
 use crate::event::WarningKind;
 use crate::results::{check_file, has_ending};
+use crate::run_page::warn_of_missing_pictures;
 
 /// Runs to compare.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -66,9 +69,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         return Err(JobError::input("there is no run to compare", "name folders of finished runs"));
     }
     check_endings(request)?;
-    let comparisons = compare(&request.runs, &context.assets, &request.accept_changed, &|text| {
-        context.warning(WarningKind::Comparison, text)
-    })?;
+    let warn = |text: &str| context.warning(WarningKind::Comparison, text);
+    let comparisons = compare(&request.runs, &context.assets, &request.accept_changed, &warn)?;
+    check_inputs(request, context, &warn)?;
     check_file(&request.out, context)?;
     request.csv.iter().try_for_each(|path| check_file(path, context))?;
     let mut groups = Vec::new();
@@ -93,6 +96,20 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let above = differences.map(|table| table.markdown());
     let markdown = above.into_iter().chain(groups.iter().map(of_group)).collect::<Vec<_>>().join("\n");
     Ok(Response { comparisons, page: request.out.clone(), markdown })
+}
+
+/// Refuses runs whose lens, sensor, ISP or networks were edited since: the page shows lenses as the folders hold them, beside scores.
+fn check_inputs(request: &Request, context: &Context, warn: &dyn Fn(&str)) -> Result<(), JobError> {
+    // What is said of an experiment and its lens is said once, where the page is made.
+    let silent = context.assets.clone().reporting_warnings(Arc::new(|_: &str| ()));
+    for run in &request.runs {
+        let folder = RunFolder::open(run)?;
+        let setup =
+            Setup::without_windows(silent.experiment_of_run(&folder)?, &silent, context.device("cpu")?)?;
+        let check = DigestCheck::new(&folder, &request.accept_changed, warn);
+        check_parts_or_accepted(&setup, &folder, &check)?;
+    }
+    Ok(())
 }
 
 /// Sees that the names of the results say what they hold.
@@ -137,6 +154,7 @@ fn group(comparison: &Comparison, context: &Context) -> Result<Group, JobError> 
     let experiment = context.assets.experiment_of_run(&folder)?;
     let setup = Setup::without_windows(experiment, &context.assets, context.device("cpu")?)?;
     let mut report = report_of_run(&setup, &folder, "")?;
+    warn_of_missing_pictures(&report, context);
     report.pictures.truncate(SHOWN);
     let seeds: Vec<String> = comparison.seeds.iter().map(u64::to_string).collect();
     let memory = comparison.memory_gb.map_or_else(String::new, |gb| format!(", at most {gb:.2} GB"));

@@ -10,15 +10,16 @@ use petzval_design::block::Block;
 use petzval_design::camera::Camera;
 use petzval_design::design_loop::{finished_camera, set_sight};
 use petzval_design::experiment::{Experiment, PsfsBy};
-use petzval_design::inputs::{check_inputs, check_parts};
+use petzval_design::inputs::{check_inputs, check_parts_or_accepted};
 use petzval_design::made_cameras::{MadeError, TrialPlan, made_cameras, symmetric};
 use petzval_design::report::run_report::{camera_lens, read_metrics};
 use petzval_design::run::input_list::{check_pictures_are_there, pictures_of_run};
 use petzval_design::run::{CameraMetrics, DigestCheck, Kept, PictureScore, RunFolder, load_blocks};
-use petzval_design::scoring::{Scorer, ranges_of_means};
+use petzval_design::scoring::{Scored, Scorer, ranges_of_means};
 use petzval_design::setup::Setup;
 use petzval_design::task::Purpose;
 use petzval_files::ToleranceFile;
+use petzval_learn::score::range_of_difference;
 use petzval_optics::lens::Lens;
 use petzval_optics::psf::PsfKind;
 use petzval_optics::tolerance::Tolerances;
@@ -138,7 +139,7 @@ pub struct Difference {
     pub against: String,
     /// Mean differences by score.
     pub scores: BTreeMap<String, f64>,
-    /// Their 95 % ranges over the photographs, low and high; none for less than two photographs, and for scores of objects.
+    /// Their 95 % ranges, low and high, by the same draws of photographs or films for both; none for less than two.
     pub ranges: BTreeMap<String, [f64; 2]>,
 }
 
@@ -186,7 +187,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         experiment.network.pin_weights(experiment.psf.kind.traced());
         experiment.psf.kind = kind;
     }
-    let (setup, are_others) = setup(experiment, &folder, (place, given.as_ref()), request, context)?;
+    let (setup, are_others) =
+        setup(experiment, (&folder, &check), (place, given.as_ref()), request, context)?;
     let scorer = scorer(setup)?;
     let setup = scorer.setup();
     if scorer.scores() != kept.scores {
@@ -196,14 +198,16 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         ));
     }
     let mut rows: Vec<CameraMetrics> = Vec::new();
+    let mut draws: Vec<Draws> = Vec::new();
     for row in &kept.rows {
         context.note(format!("scoring {}", row.camera));
         let camera = camera_of(setup, &folder, &row.camera)?;
         let tick = |done, of| context.progress(done as u64, of as u64, &row.camera);
-        let found = scorer.score_watched(&row.camera, &camera, &tick)?.metrics;
+        let Scored { metrics: found, findings, .. } = scorer.score_watched(&row.camera, &camera, &tick)?;
         let mut intervals = found.intervals.clone();
         if are_others {
             intervals.extend(ranges_of_means(&found.pictures));
+            draws.push(findings.draws());
         }
         rows.push(CameraMetrics {
             is_ceiling: row.is_ceiling,
@@ -215,7 +219,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     }
     if are_others {
         let [held_out_images, held_out_places] = setup.held_out_pictures()?;
-        let differences = differences(&rows, &kept.scores);
+        let differences = differences(&rows, &draws, &kept.scores);
         return Ok(Response {
             metrics: Metrics { rows, held_out_images, held_out_places, ..kept },
             other_pictures: place.map(Path::to_path_buf),
@@ -271,7 +275,7 @@ fn check_given(request: &Request, experiment: &Experiment) -> Result<(), JobErro
 /// What cameras of a run are scored with, and whether its pictures are others than those of the run.
 fn setup(
     mut experiment: Experiment,
-    folder: &RunFolder,
+    (folder, check): (&RunFolder, &DigestCheck<'_>),
     (place, given): (Option<&Path>, Option<&Arc<PsfBank>>),
     request: &Request,
     context: &Context,
@@ -305,7 +309,7 @@ fn setup(
         ));
     }
     let setup = Setup::with_psfs(experiment, &context.assets, device()?, given, Purpose::Scores)?;
-    check_parts(&setup, folder)?;
+    check_parts_or_accepted(&setup, folder, check)?;
     context.note(format!(
         "{} holds other pictures than those of the run: all of them are scored",
         place.display()
@@ -314,11 +318,14 @@ fn setup(
     Ok((setup, true))
 }
 
-/// The last camera that is no ceiling against each other one.
-fn differences(rows: &[CameraMetrics], scores: &[ScoreDescription]) -> Vec<Difference> {
-    let Some(design) = rows.iter().rfind(|row| !row.is_ceiling) else { return Vec::new() };
-    let others = rows.iter().filter(|row| row.camera != design.camera && !row.is_ceiling);
-    let difference = |other: &CameraMetrics| {
+/// Scores of a camera in draws of windows, by name.
+type Draws = BTreeMap<String, Vec<Option<f64>>>;
+
+/// The last camera that is no ceiling against each other one, with the draws of every camera.
+fn differences(rows: &[CameraMetrics], draws: &[Draws], scores: &[ScoreDescription]) -> Vec<Difference> {
+    let all: Vec<_> = rows.iter().zip(draws).filter(|(row, _)| !row.is_ceiling).collect();
+    let Some((&(design, ours), others)) = all.split_last() else { return Vec::new() };
+    let difference = |&(other, theirs): &(&CameraMetrics, &Draws)| {
         let pairs = design.pictures.iter().zip(&other.pictures);
         let of_picture = |(a, b): (&PictureScore, &PictureScore)| {
             let by = |(name, value): (&String, &f64)| Some((name.clone(), value - b.scores.get(name)?));
@@ -328,14 +335,19 @@ fn differences(rows: &[CameraMetrics], scores: &[ScoreDescription]) -> Vec<Diffe
             let value = |row: &CameraMetrics| row.scores.get(&score.name).copied();
             Some((score.name.clone(), value(design)? - value(other)?))
         };
+        let drawn = |(name, ours): (&String, &Vec<Option<f64>>)| {
+            Some((name.clone(), range_of_difference(ours, theirs.get(name)?)?))
+        };
+        let mut ranges = ranges_of_means(&pairs.map(of_picture).collect::<Vec<_>>());
+        ranges.extend(ours.iter().filter_map(drawn));
         Difference {
             camera: design.camera.clone(),
             against: other.camera.clone(),
             scores: scores.iter().filter_map(mean).collect(),
-            ranges: ranges_of_means(&pairs.map(of_picture).collect::<Vec<_>>()),
+            ranges,
         }
     };
-    others.map(difference).collect()
+    others.iter().map(difference).collect()
 }
 
 /// The largest absolute difference between a figure and that of the run, and which it is. A figure that is no number differs most.
@@ -486,5 +498,42 @@ impl fmt::Display for LensTolerances {
             Self::Grade(Grade::High) => f.write_str("high grade"),
             Self::File(path) => write!(f, "{}", path.display()),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cameras_are_compared_draw_by_draw() {
+        let row = |camera: &str, ap50: f64, is_ceiling: bool| {
+            serde_json::json!({
+                "camera": camera, "ap50": ap50, "is_ceiling": is_ceiling, "rms_spot_um": 7.25, "efl_mm": 25.0,
+                "f_number": 2.8, "fov_deg": 40.0, "corner_distortion_percent": -1.5, "psf_captured": 1.0,
+                "white_e": 16000.0, "network_steps": 3, "rms_spot_by_field_um": [], "pictures": []
+            })
+        };
+        let metrics: Metrics = serde_json::from_value(serde_json::json!({
+            "rows": [row("nominal", 0.4, false), row("end-to-end", 0.55, false), row("perfect", 0.9, true)],
+            "seeds": [1], "held_out_images": 3, "held_out_places": 1,
+            "scores": [{"name": "ap50", "title": "AP50", "unit": "", "definition": "", "decimals": 4, "higher_is_better": true}]
+        }))
+        .unwrap();
+        let draws: Vec<Draws> = [
+            vec![Some(0.4), Some(0.5), Some(0.3)],
+            // A draw without a class is none of the difference either.
+            vec![Some(0.5), Some(0.7), None],
+            vec![Some(0.9); 3],
+        ]
+        .map(|scores| BTreeMap::from([("ap50".to_owned(), scores)]))
+        .into();
+        let found = differences(&metrics.rows, &draws, &metrics.scores);
+        assert_eq!(found.len(), 1);
+        assert_eq!([&found[0].camera, &found[0].against], ["end-to-end", "nominal"]);
+        // Between 0.1 and 0.2, with a fortieth of the draws beyond either end.
+        let [low, high] = found[0].ranges["ap50"];
+        assert!((found[0].scores["ap50"] - 0.15).abs() < 1e-12);
+        assert!((low - 0.1025).abs() < 1e-12 && (high - 0.1975).abs() < 1e-12, "{low} {high}");
     }
 }

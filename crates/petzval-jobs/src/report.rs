@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use petzval_camera::image::LinearImage;
 use petzval_design::error::DesignError;
+use petzval_design::inputs::check_parts_or_accepted;
 use petzval_design::report::run_report::read_metrics;
 use petzval_design::run::picture_names::whole_name;
 use petzval_design::run::{DigestCheck, RunFolder, write_file};
@@ -17,7 +18,7 @@ use crate::context::Context;
 use crate::error::JobError;
 use crate::evaluate::camera_of;
 use crate::event::WarningKind;
-use crate::run_page::{warn_of_changed_config, write};
+use crate::run_page::{check_figures, warn_of_changed_config, write};
 use crate::simulate::Place;
 
 /// Seed of the noise of whole frames.
@@ -49,11 +50,11 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let metrics = read_metrics(&folder)?;
     let warn = |text: &str| context.warning(WarningKind::ChangedFile, text);
     let check = DigestCheck::new(&folder, &request.accept_changed, &warn);
-    check.check("")?;
-    check.check_cameras(metrics.rows.iter().map(|row| row.camera.as_str()))?;
+    check_figures(&metrics, &check)?;
     warn_of_changed_config(&folder, context)?;
     let experiment = context.assets.experiment_of_run(&folder)?;
     let setup = Setup::without_windows(experiment, &context.assets, context.device("cpu")?)?;
+    check_parts_or_accepted(&setup, &folder, &check)?;
     if let Some(photo) = &request.photo {
         take_whole_frames(&setup, &folder, photo, context)?;
     }

@@ -2,8 +2,9 @@
 
 use std::path::PathBuf;
 
-use petzval_design::report::run_report::report_so_far;
-use petzval_design::run::RunFolder;
+use petzval_design::inputs::check_parts_or_accepted;
+use petzval_design::report::run_report::{read_metrics, report_so_far};
+use petzval_design::run::{DigestCheck, RunFolder};
 use petzval_design::scoring::collect_so_far;
 use petzval_design::setup::Setup;
 use petzval_report::design_report::html;
@@ -13,7 +14,8 @@ use serde::{Deserialize, Serialize};
 use crate::context::Context;
 use crate::design::scorer;
 use crate::error::JobError;
-use crate::run_page::page;
+use crate::event::WarningKind;
+use crate::run_page::{check_figures, page};
 
 /// A run.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -38,6 +40,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let experiment = context.assets.experiment_of_run(&folder)?;
     let setup = Setup::without_windows(experiment, &context.assets, context.device("cpu")?)?;
     if folder.metrics().is_file() {
+        let warn = |text: &str| context.warning(WarningKind::ChangedFile, text);
+        let check = DigestCheck::new(&folder, &[], &warn);
+        check_figures(&read_metrics(&folder)?, &check)?;
+        check_parts_or_accepted(&setup, &folder, &check)?;
         return Ok(Response { html: page(&setup, &folder)?, is_finished: true });
     }
     let scorer = scorer(setup)?;

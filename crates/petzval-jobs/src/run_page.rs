@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use petzval_design::report::run_report::report_of_run;
-use petzval_design::run::{RunFolder, RunRecord, write_file};
+use petzval_design::run::{DigestCheck, Metrics, RunFolder, RunRecord, write_file};
 use petzval_design::setup::Setup;
 use petzval_report::design_report::{Report, html, sentences};
 
@@ -28,9 +28,23 @@ pub(crate) fn write(
     context: &Context,
 ) -> Result<(PathBuf, Vec<String>), JobError> {
     let report = report(setup, folder)?;
+    warn_of_missing_pictures(&report, context);
     write_file(&folder.report(), html(&report).as_bytes())?;
     context.wrote(folder.report(), "page");
     Ok((folder.report(), sentences(&report)))
+}
+
+/// Says which pictures of a run its page does not show.
+pub(crate) fn warn_of_missing_pictures(report: &Report, context: &Context) {
+    if let Some(files) = &report.left_out {
+        context.warning(WarningKind::Picture, files);
+    }
+}
+
+/// Refuses a finished run whose figures, events or cameras are not as the run wrote them, unless the user accepts the change.
+pub(crate) fn check_figures(metrics: &Metrics, check: &DigestCheck<'_>) -> Result<(), JobError> {
+    check.check("")?;
+    Ok(check.check_cameras(metrics.rows.iter().map(|row| row.camera.as_str()))?)
 }
 
 /// Warns where `config.toml` is no longer what a finished run was made from: its figures are those of its record.

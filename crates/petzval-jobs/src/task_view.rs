@@ -12,6 +12,7 @@ use petzval_design::block::{Batch, Block, Blocks, Sight, loss_by_numbers, losses
 use petzval_design::camera::{Camera, Shot};
 use petzval_design::design_loop::set_sight;
 use petzval_design::experiment::Variant;
+use petzval_design::inputs::check_parts_or_accepted;
 use petzval_design::report::run_report::camera_lens;
 use petzval_design::run::{DigestCheck, Kept, RunFolder, load_blocks};
 use petzval_design::setup::Setup;
@@ -261,7 +262,9 @@ fn ready(request: &Request, start: Option<&str>, context: &Context) -> Result<Re
         let mut blocks = setup.blocks(&variant)?;
         let parts: [&mut dyn Block; 3] = [&mut blocks.exposure, &mut blocks.isp, &mut blocks.network];
         let warn = |text: &str| context.warning(WarningKind::ChangedFile, text);
-        DigestCheck::new(&folder, &[], &warn).check_cameras([name.as_str()])?;
+        let check = DigestCheck::new(&folder, &[], &warn);
+        check.check_cameras([name.as_str()])?;
+        check_parts_or_accepted(&setup, &folder, &check)?;
         load_blocks(&folder.camera(&name), parts, Kept::Numbers)?;
         set_sight(&mut blocks.network, &folder, &variant, &camera_lens(&folder, &name)?.lens)?;
         let network = format!("of the finished camera {name}");

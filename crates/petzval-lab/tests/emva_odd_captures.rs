@@ -121,6 +121,27 @@ fn the_dark_mean_reveals_an_even_light_leak() {
 }
 
 #[test]
+fn a_black_level_that_the_dark_frames_do_not_have_is_named_with_both() {
+    // The dark frames lie at 119 DN, 1.15 DN of the electronics and 3.25 electrons of 0.14 DN: 120.6 DN.
+    let folder = series(&mono(), &one_gain());
+    let right = list(folder.path());
+    assert!(messages(&measured(folder.path()).unwrap(), "black-level-differs").is_empty());
+    for stated in ["0.0", "64.0", "140.0", "500.0"] {
+        let wrong = right.replace("black_level_dn = 119.0", &format!("black_level_dn = {stated}"));
+        assert_ne!(wrong, right);
+        set_list(folder.path(), &wrong);
+        let said = messages(&measured(folder.path()).unwrap(), "black-level-differs");
+        let level = stated.trim_end_matches(".0");
+        assert!(
+            said.len() == 1
+                && said[0].contains(&format!("states a black level of {level} DN"))
+                && said[0].contains("dark frames lie at 120."),
+            "{stated}: {said:?}"
+        );
+    }
+}
+
+#[test]
 fn gains_that_are_clipped_at_zero_do_not_count() {
     // At gain 31.62 the dark frames are 1.7 standard deviations above zero, at gain 1 fifteen.
     let sensor = SensorModel { black_level_dn: 15.0, ..imx249() };
@@ -378,6 +399,18 @@ fn a_mosaic_that_the_list_leaves_out_is_named() {
     set_list(folder.path(), &without.join("\n"));
     let found = measured(folder.path()).unwrap();
     assert!(is_named(&found), "{:?}", found.warnings);
+    assert!(messages(&found, "other-mosaic").is_empty(), "{:?}", found.warnings);
+
+    // Pairs alone show it as well; so do those of a mosaic that begins at another place.
+    let folder = series(&imx249(), &one_gain());
+    let pairs = list(folder.path());
+    assert!(messages(&measured(folder.path()).unwrap(), "other-mosaic").is_empty());
+    let of_pairs: Vec<&str> = pairs.lines().filter(|line| !line.starts_with("cfa")).collect();
+    for text in [of_pairs.join("\n"), pairs.replace("\"RGGB\"", "\"GRBG\"")] {
+        set_list(folder.path(), &text);
+        let said = messages(&measured(folder.path()).unwrap(), "other-mosaic");
+        assert!(said.len() == 1 && said[0].contains("state it in `cfa`"), "{said:?}");
+    }
 }
 
 #[test]

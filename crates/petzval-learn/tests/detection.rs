@@ -3,7 +3,9 @@
 use burn::optim::{AdamConfig, GradientsParams};
 use burn::prelude::*;
 use burn::tensor::TensorData;
-use petzval_learn::detection::{AnyDetector, BBox, BackboneKind, Detector, DetectorKind, Object, Truth};
+use petzval_learn::detection::{
+    AnyDetector, BBox, BackboneKind, Detector, DetectorKind, Ignored, Object, Truth,
+};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -99,7 +101,7 @@ fn the_loss_of_one_stage_has_its_gradient_by_the_picture() {
 fn pictures_without_objects_and_regions_that_are_ignored_give_finite_losses() {
     let device = Device::flex().autodiff();
     let (seen, _) = pictures(2, 5, &device);
-    let everything = vec![BBox::new(0.0, 0.0, SIDE as f32, SIDE as f32)];
+    let everything = vec![Ignored::of_all(BBox::new(0.0, 0.0, SIDE as f32, SIDE as f32))];
     let truths = [Truth::default(), Truth { ignored: everything, ..Truth::default() }];
     for kind in [DetectorKind::FasterRcnn, DetectorKind::Fcos] {
         let detector = kind.init(BackboneKind::Small, 2, 3, &device).unwrap();

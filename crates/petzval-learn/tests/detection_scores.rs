@@ -233,6 +233,10 @@ fn the_interval_scatters_as_new_pictures_do_and_pairs_scatter_less() {
 
     let better = bootstrap(&how, |counts| Some(ap(&b, counts)? - ap(&a, counts)?)).unwrap();
     assert!(better.low > 0.0 && better.above_zero > 0.99, "{better:?}");
+    // The draws of either camera are the same, so that their scores can be kept and subtracted draw by draw.
+    let [of_a, of_b] = [&a, &b].map(|ranking| drawn_scores(&how, |counts| ap(ranking, counts)));
+    let mut differences: Vec<f64> = of_a.iter().zip(&of_b).filter_map(|(a, b)| Some((*b)? - (*a)?)).collect();
+    assert_eq!(percentiles(&mut differences, how.confidence), Some([better.low, better.high]));
     let equal = bootstrap(&how, |counts| Some(ap(&a, counts)? - ap(&a, counts)?)).unwrap();
     assert_eq!((equal.low, equal.high, equal.standard_error), (0.0, 0.0, 0.0));
 

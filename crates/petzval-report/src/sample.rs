@@ -242,6 +242,7 @@ pub(crate) fn report() -> Report {
         nyquist_per_mm: 85.32,
         held_out: Vec::new(),
         pictures: vec![picture(0), picture(1)],
+        left_out: None,
         frames: ["scene", "nominal", "end-to-end"].map(frame).into(),
         has_isp: false,
         pictures_in_all: 2,

@@ -1,14 +1,14 @@
 //! SI photometry of a pixel: from the radiance of a scene to the photons that a pixel collects.
 //!
-//! A lens of f-number `F` and transmission `tau` gives the irradiance `pi L tau / (1 + 4 F^2)` on the axis. A pixel of area
-//! `A` that is exposed for the time `t` collects, per nm,
+//! A lens that images by the sine condition has the cone `sin U' = 1 / (2 F)` at its f-number `F`. With the transmission `tau` it gives the
+//! irradiance `pi L tau / (4 F^2)` on the axis: that to which relative illuminations refer. A pixel of area `A` that is exposed for the time `t` collects, per nm,
 //!
 //! ```text
-//! N(l) = L(l) A t pi / (1 + 4 F^2) tau(l) l / (h c)
+//! N(l) = L(l) A t pi / (4 F^2) tau(l) l / (h c)
 //! ```
 //!
-//! photons, with L in W m-2 sr-1 nm-1. Off the axis the renderer multiplies by the relative illumination. Source: EMVA 1288
-//! release 4.0, section 2 (irradiation of a pixel); h and c are exact in the SI (CODATA 2018).
+//! photons, with L in W m-2 sr-1 nm-1. The renderer multiplies by the relative illumination. EMVA 1288 release 4.0,
+//! section 2, has `1 + 4 F^2` for a sensor that sees a bright disk without a lens; h and c are exact in the SI (CODATA 2018).
 
 use super::bands::hat;
 use super::{Spectrum, integral};
@@ -55,10 +55,10 @@ impl PixelOptics {
         }
     }
 
-    /// Joules that a pixel collects per unit of radiance without losses: `A t pi / (1 + 4 F^2)`, m2 sr s.
+    /// Joules that a pixel collects per unit of radiance without losses: `A t pi / (4 F^2)`, m2 sr s.
     pub fn throughput(&self) -> f64 {
         let area_m2 = (self.pixel_um * 1e-6).powi(2);
-        area_m2 * self.time_s * std::f64::consts::PI / (1.0 + 4.0 * self.f_number.powi(2))
+        area_m2 * self.time_s * std::f64::consts::PI / (4.0 * self.f_number.powi(2))
     }
 
     /// Electrons of a pixel with quantum efficiency `efficiency` (0..1) under `radiance` (W m-2 sr-1 nm-1); with an
@@ -103,7 +103,7 @@ mod tests {
     fn a_narrow_line_gives_the_photons_of_the_closed_form() {
         // A tent of 1 W m-2 sr-1 around 555 nm; its mean wavelength is the centre.
         let line = Spectrum::new(vec![0.554, 0.555, 0.556], vec![0.0, 1.0, 0.0]).unwrap();
-        let expected = 25e-12 * 0.01 * std::f64::consts::PI / 65.0 * 555e-9 / (6.62607015e-34 * 299792458.0);
+        let expected = 25e-12 * 0.01 * std::f64::consts::PI / 64.0 * 555e-9 / (6.62607015e-34 * 299792458.0);
         let got = optics().electrons(&line, &all_photons());
         assert!((got / expected - 1.0).abs() < 1e-12, "{got} {expected}");
 
@@ -123,7 +123,7 @@ mod tests {
         // A pixel of 1 m2 that sees 1 W m-2 sr-1 as an irradiance of 1 W m-2.
         let square_metre = PixelOptics {
             pixel_um: 1e6,
-            f_number: ((std::f64::consts::PI - 1.0) / 4.0f64).sqrt(),
+            f_number: 0.5 * std::f64::consts::PI.sqrt(),
             time_s: 1.0,
             transmission: None,
         };

@@ -114,10 +114,14 @@ impl Experiment {
         Ok(longer)
     }
 
-    /// The experiment with one variant alone, and those that it needs: from which it starts, or like whose pictures its own are zoomed.
-    /// `None` if it has none of that name.
-    pub fn only(&self, name: &str) -> Option<Self> {
-        let mut wanted = vec![name];
+    /// The experiment with some variants alone, and those that they need: from which they start, or like whose pictures their own are zoomed.
+    /// `None` without names, and if it has none of a name.
+    pub fn only(&self, names: &[impl AsRef<str>]) -> Option<Self> {
+        let mut wanted: Vec<&str> = names.iter().map(AsRef::as_ref).collect();
+        let is_there = |name: &&str| self.variant.iter().any(|variant| variant.name == **name);
+        if wanted.is_empty() || !wanted.iter().all(is_there) {
+            return None;
+        }
         let mut variants = Vec::new();
         // A variant needs earlier ones alone.
         for variant in self.variant.iter().rev() {
@@ -127,6 +131,6 @@ impl Experiment {
                 variants.insert(0, variant.clone());
             }
         }
-        (!variants.is_empty()).then(|| Self { variant: variants, ..self.clone() })
+        Some(Self { variant: variants, ..self.clone() })
     }
 }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use petzval_base::counted;
 use petzval_learn::score::ScoreDescription;
 use petzval_report::design_report::{
     CameraPicture, FrameView, HeldOutScores, PictureView, Report, Role, choice, detail,
@@ -9,7 +10,7 @@ use petzval_report::design_report::{
 
 use crate::error::DesignError;
 use crate::experiment::Variant;
-use crate::run::picture_names::{file_name, spread_pictures, whole_name};
+use crate::run::picture_names::{file_name, spread_pictures, whole_name, whole_png};
 use crate::run::{CameraMetrics, Metrics, PictureScore, RunFolder};
 use crate::task::TaskReport;
 
@@ -18,6 +19,9 @@ const MOST_PICTURES: usize = 27;
 
 /// Most pictures of cameras on a page, each finished and as a raw frame: a page of many cameras shows fewer scenes.
 const MOST_OF_CAMERAS: usize = 120;
+
+/// Most missing files that are named.
+const MOST_NAMED: usize = 3;
 
 /// Scenes that a page shows however many cameras there are.
 const LEAST_PICTURES: usize = 6;
@@ -48,21 +52,55 @@ pub(crate) fn held_out(metrics: &Metrics, of_task: &TaskReport) -> Vec<HeldOutSc
     first.pictures.iter().enumerate().map(of).collect()
 }
 
-/// Some of the held-out pictures: those that a report chooses by gain and place, then others that are spread evenly.
+/// Pictures of a report.
+#[derive(Default)]
+pub(crate) struct Pictures {
+    /// Those that are shown.
+    pub(crate) shown: Vec<PictureView>,
+    /// Files of others, which are missing or damaged.
+    missing: Vec<String>,
+}
+
+impl Pictures {
+    /// What is not shown, in a sentence that names the first files; none where nothing is missing.
+    pub(crate) fn left_out(&self) -> Option<String> {
+        let named: Vec<String> =
+            self.missing.iter().take(MOST_NAMED).map(|file| format!("pictures/{file}")).collect();
+        let more = match self.missing.len() - named.len() {
+            0 => String::new(),
+            more => format!(" and {more} more"),
+        };
+        let files = counted(self.missing.len(), "picture");
+        (!named.is_empty()).then(|| {
+            format!(
+                "{files} missing in the folder of the run or damaged, not shown: {}{more}",
+                named.join(", ")
+            )
+        })
+    }
+
+    /// The bytes of a picture; the name of a file without them is kept.
+    fn read(&mut self, run: &RunFolder, file: String) -> Option<Vec<u8>> {
+        let png = whole_png(run, &file);
+        if png.is_none() {
+            self.missing.push(file);
+        }
+        png
+    }
+}
+
+/// Some of the held-out pictures: those that a report chooses by gain and place, then others that are spread evenly. Files that are missing or
+/// damaged are left out.
 pub(crate) fn pictures(
     run: &RunFolder,
     metrics: &Metrics,
     of_task: &TaskReport,
     report: &Report,
-) -> Result<Vec<PictureView>, DesignError> {
-    let read = |file: String| {
-        let path = run.picture(&file);
-        petzval_base::read_whole(&path).map_err(DesignError::io(&path))
-    };
-    let Some(first) = metrics.rows.first() else { return Ok(Vec::new()) };
+) -> Pictures {
+    let mut found = Pictures::default();
+    let Some(first) = metrics.rows.first() else { return found };
     let truth = |index: usize| file_name(index, "truth", None);
-    // A picture that cannot be read fails below, where it is shown.
-    let chosen = choice(report, &|index| read(truth(index)).map_or(0.0, |png| detail(&png)));
+    let chosen = choice(report, &|index| whole_png(run, &truth(index)).map_or(0.0, |png| detail(&png)));
     let shown = MOST_PICTURES.min(LEAST_PICTURES.max(MOST_OF_CAMERAS / metrics.rows.len()));
     let mut order: Vec<(usize, Option<Role>)> =
         chosen.into_iter().map(|(index, role)| (index, Some(role))).collect();
@@ -72,25 +110,24 @@ pub(crate) fn pictures(
             order.push((index, None));
         }
     }
-    let mut all = Vec::new();
     for (index, role) in order {
         let picture = &first.pictures[index];
         let mut cameras = Vec::new();
         for m in &metrics.rows {
             let Some(picture) = m.pictures.get(index) else { continue };
-            cameras.push(CameraPicture {
-                camera: m.camera.clone(),
-                developed_png: read(file_name(index, "developed", Some(&m.camera)))?,
-                output_png: read(file_name(index, "output", Some(&m.camera)))?,
-                scores: in_order(&metrics.scores, &picture.scores),
-            });
+            let [developed, output] = ["developed", "output"]
+                .map(|state| found.read(run, file_name(index, state, Some(&m.camera))));
+            let Some((developed_png, output_png)) = developed.zip(output) else { continue };
+            let scores = in_order(&metrics.scores, &picture.scores);
+            cameras.push(CameraPicture { camera: m.camera.clone(), developed_png, output_png, scores });
         }
+        let Some(truth_png) = found.read(run, truth(index)).filter(|_| !cameras.is_empty()) else { continue };
         let title =
             picture.photo.rsplit_once('.').map_or(picture.photo.as_str(), |(stem, _)| stem).to_owned();
         let focus = of_task.focus.get(index).copied().flatten();
-        all.push(PictureView { title, number: index, role, focus, truth_png: read(truth(index))?, cameras });
+        found.shown.push(PictureView { title, number: index, role, focus, truth_png, cameras });
     }
-    Ok(all)
+    found
 }
 
 /// Whole frames of a photograph, if they were made: the scene and those of the cameras.

@@ -23,7 +23,7 @@ use crate::report::attribution::attribution;
 use crate::report::pictures::{frames, held_out, in_order, pictures};
 use crate::run::{
     CameraMetrics, Event, Kept, MadeFigures, MadeMetrics, Metrics, RunFolder, RunRecord, SCORE, load_blocks,
-    read_events, read_json,
+    read_events, read_json, read_json_if_there,
 };
 use crate::run_progress::{self, is_scored, moved_part};
 use crate::setup::Setup;
@@ -180,6 +180,7 @@ fn gathered(
         nyquist_per_mm,
         held_out: held_out(metrics, &of_task),
         pictures: Vec::new(),
+        left_out: None,
         frames: frames(run, &setup.variants)?,
         has_isp: setup.body.chip.is_some(),
         pictures_in_all: metrics.held_out_images * metrics.held_out_places,
@@ -196,7 +197,8 @@ fn gathered(
         environment: [record.map_or_else(Vec::new, |r| r.facts()), environment(&run.environment())?].concat(),
         notes: if metrics.rows.is_empty() { Vec::new() } else { notes(setup, metrics) },
     };
-    Ok(Report { pictures: pictures(run, metrics, &of_task, &report)?, ..report })
+    let pictures = pictures(run, metrics, &of_task, &report);
+    Ok(Report { left_out: pictures.left_out(), pictures: pictures.shown, ..report })
 }
 
 /// `3 cameras: nominal (800 network steps), ...`, with the steps that were taken.
@@ -496,10 +498,10 @@ fn loss_in_words(name: &str) -> String {
 }
 
 fn environment(path: &Path) -> Result<Vec<(String, String)>, DesignError> {
-    let values: BTreeMap<String, serde_json::Value> = read_json(path)?;
+    let values: Option<BTreeMap<String, serde_json::Value>> = read_json_if_there(path)?;
     let plain = |v: serde_json::Value| match v {
         serde_json::Value::String(s) => s,
         other => other.to_string(),
     };
-    Ok(values.into_iter().map(|(k, v)| (k, plain(v))).collect())
+    Ok(values.unwrap_or_default().into_iter().map(|(k, v)| (k, plain(v))).collect())
 }

@@ -1,5 +1,10 @@
 //! File names of the held-out pictures of a run, and which of them stand for all.
 
+use super::RunFolder;
+
+/// First and last bytes of a whole PNG file: its signature, and its last chunk with the checksum.
+const PNG_ENDS: [&[u8]; 2] = [b"\x89PNG\r\n\x1a\n", b"IEND\xaeB\x60\x82"];
+
 /// File name of a state of picture `index`: `truth`, or `developed` and `output` of a camera.
 pub fn file_name(index: usize, state: &str, camera: Option<&str>) -> String {
     match camera {
@@ -11,6 +16,13 @@ pub fn file_name(index: usize, state: &str, camera: Option<&str>) -> String {
 /// File name of a whole frame: that of a camera, or the scene as it lies on the sensor.
 pub fn whole_name(camera: Option<&str>) -> String {
     camera.map_or_else(|| "whole.png".to_owned(), |camera| format!("whole-{camera}.png"))
+}
+
+/// The bytes of a picture; none of a file that is missing, cut short, or no PNG.
+pub(crate) fn whole_png(run: &RunFolder, file: &str) -> Option<Vec<u8>> {
+    let bytes = petzval_base::read_whole(run.picture(file)).ok()?;
+    let [first, last] = PNG_ENDS;
+    (bytes.starts_with(first) && bytes.ends_with(last)).then_some(bytes)
 }
 
 /// Indices of at most `most` pictures, which are ordered by photograph and then by place: spread evenly over the photographs, with the places

@@ -35,6 +35,12 @@ pub trait Findings {
         BTreeMap::new()
     }
 
+    /// The scores in each of these draws of windows: those of cameras that took the same windows are compared draw by draw. None of scores of
+    /// single pictures.
+    fn draws(&self) -> BTreeMap<String, Vec<Option<f64>>> {
+        BTreeMap::new()
+    }
+
     /// Keeps in the folder of a finished camera what its report needs besides.
     fn save(&self, _folder: &Path) -> Result<(), DesignError> {
         Ok(())

@@ -301,8 +301,8 @@ fn a_lens_with_a_free_field_has_a_control_that_is_zoomed_like_it() {
     assert_eq!(zoom_of(&run, &setup.variants[0], &lens).unwrap(), 1.0);
     // Alone, it needs the lens like which it is zoomed; and this lens must not move afterwards.
     let names = |of: &Experiment| of.variant.iter().map(|v| v.name.clone()).collect::<Vec<_>>();
-    assert_eq!(names(&setup.experiment.only("zoomed").unwrap()), ["nominal", "free", "zoomed"]);
-    assert_eq!(names(&setup.experiment.only("free").unwrap()), ["nominal", "free"]);
+    assert_eq!(names(&setup.experiment.only(&["zoomed"]).unwrap()), ["nominal", "free", "zoomed"]);
+    assert_eq!(names(&setup.experiment.only(&["free"]).unwrap()), ["nominal", "free"]);
     let unchained = |v: &VariantConfig| VariantConfig { from: None, ..v.clone() };
     let unchained = Experiment {
         variant: setup.experiment.variant.iter().map(unchained).collect(),

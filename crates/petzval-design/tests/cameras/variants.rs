@@ -146,10 +146,10 @@ fn a_fourth_variant_and_a_further_score_are_toml_and_one_file() {
     assert!(own < 0.01 * step, "{own} {step}");
 
     // A variant alone, or at another place of the list, is the same camera to the last bit.
-    let alone = Experiment::parse(&text).unwrap().only("end-to-end").unwrap();
+    let alone = Experiment::parse(&text).unwrap().only(&["end-to-end"]).unwrap();
     let alone = run(alone, &folder.path().join("alone"));
     assert_eq!(alone.rows, all.rows[2..3]);
-    let only = Experiment::parse(&text).unwrap().only("refined").unwrap();
+    let only = Experiment::parse(&text).unwrap().only(&["refined"]).unwrap();
     let names: Vec<&str> = only.variant.iter().map(|v| v.name.as_str()).collect();
     assert_eq!(names, ["spot-optimised", "refined"]);
 }

@@ -124,6 +124,9 @@ fn check_form(data: &DataSet, defects: &mut Defects) {
         placed.iter().for_each(|place| defects.add(DefectKind::ShareBoxes, || said(*place)));
         return;
     }
+    if data.states_form {
+        return;
+    }
     let could_be_corners = |(annotation, image): &(&Annotation, &Image)| {
         let b = &annotation.bounds;
         let ends = [f64::from(image.width) + 1.0, f64::from(image.height) + 1.0];

@@ -20,6 +20,8 @@ pub struct DataSet {
     pub categories: Vec<Category>,
     /// The objects, in the order of the file.
     pub annotations: Vec<Annotation>,
+    /// Whether the file says of every box that it is left edge, upper edge, width and height: `bbox_mode` 1, as Detectron2 writes it.
+    pub states_form: bool,
 }
 
 /// A picture.

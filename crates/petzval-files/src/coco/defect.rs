@@ -64,7 +64,7 @@ kinds! {
     OutsidePicture Error "A box lies outside its picture; it is left out."
         "check that boxes are in pixels of this picture, not of one of another size";
     CornerBoxes Error "Many boxes reach out of their pictures as they stand, and none would as two corners."
-        "COCO boxes are [x, y, width, height]: subtract the first number from the third and the second from the fourth";
+        "COCO boxes are [x, y, width, height]: subtract the first number from the third and the second from the fourth; if they are so already, state it: \"bbox_mode\": 1 in each annotation";
     ShareBoxes Error "No number of any box is larger than 1: these are shares of the picture."
         "COCO boxes are in pixels: multiply by width and height of the picture; YOLO label files have shares, see `data convert yolo`";
     UnknownImage Error "An annotation names a picture that is not listed; it is left out."

@@ -45,12 +45,16 @@ fn write_png(path: &Path, width: u32, height: u32) {
 
 /// A file with these boxes in one picture of 40 x 30 pixels.
 fn with_boxes(boxes: &[[f64; 4]]) -> Defects {
+    read(&text_with_boxes(boxes)).1
+}
+
+fn text_with_boxes(boxes: &[[f64; 4]]) -> String {
     let annotation = |(i, b): (usize, &[f64; 4])| {
         format!(r#"{{"id": {}, "image_id": 1, "category_id": 1, "bbox": {b:?}, "area": 1}}"#, i + 1)
     };
     let all: Vec<String> = boxes.iter().enumerate().map(annotation).collect();
     let head = r#"{"images": [{"id": 1, "file_name": "a.png", "width": 40, "height": 30}], "categories": [{"id": 1, "name": "light"}],"#;
-    read(&format!("{head} \"annotations\": [{}]}}", all.join(", "))).1
+    format!("{head} \"annotations\": [{}]}}", all.join(", "))
 }
 
 #[test]
@@ -63,6 +67,13 @@ fn boxes_in_another_form_are_known_by_all_of_them() {
     ];
     let found = with_boxes(&corners);
     assert_eq!((found.count(DefectKind::CornerBoxes), found.errors()), (3, 3));
+    // Whose boxes look like this and are none says so.
+    assert!(DefectKind::CornerBoxes.hint().contains("\"bbox_mode\": 1"));
+    let text = text_with_boxes(&corners);
+    let stated = read(&text.replace("\"area\"", "\"bbox_mode\": 1, \"area\"")).1;
+    assert_eq!((stated.count(DefectKind::CornerBoxes), stated.errors()), (0, 0), "{stated:?}");
+    let some = read(&text.replacen("\"area\"", "\"bbox_mode\": 1, \"area\"", 1)).1;
+    assert_eq!(some.count(DefectKind::CornerBoxes), 3);
     // Objects in the upper left do not show it, and one of three that reaches out does.
     let few = [[4.0, 3.0, 12.0, 14.0], [5.0, 2.0, 15.0, 10.0], [22.0, 16.0, 40.0, 30.0]];
     assert_eq!(with_boxes(&few).count(DefectKind::CornerBoxes), 1);

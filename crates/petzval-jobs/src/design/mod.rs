@@ -1,5 +1,6 @@
 //! `design`: the joint optimisation of a camera, and the comparison with its controls.
 
+mod variant_names;
 mod watch;
 
 use std::path::{Path, PathBuf};
@@ -41,6 +42,8 @@ use crate::own_pictures::{absolute, with_pictures};
 use crate::range::check_ranges;
 use crate::results::check_folder;
 use watch::Watch;
+
+pub use variant_names::VariantNames;
 
 pub use petzval_design::first_look::FirstLook;
 pub use petzval_design::run::Metrics;
@@ -138,8 +141,8 @@ petzval_base::parameters! {
         data: Option<PathBuf> = None;
         /// Take the budget of a night on a GPU, see [`Experiment::to_full_size`]; then `steps` must be none.
         is_full: bool = false;
-        /// Make this variant alone, and those from which it starts.
-        variant: Option<String> = None;
+        /// Make this variant or these alone, and those from which they start.
+        variant: Option<VariantNames> = None;
         /// Values in place of those of the file, by key path: `{"training.steps": 400, "psf.kind": "diffraction"}`. An element of a list of tables is
         /// named by its `name` or its place from 0, as in `variant.end-to-end.stage.2.schedule.optics.learning_rate`.
         set: Settings = Settings::new();
@@ -578,12 +581,17 @@ fn changed(mut experiment: Experiment, changes: &Changes, context: &Context) -> 
     if let Some(steps) = changes.steps {
         experiment.scale_steps(steps, facts.network);
     }
-    if let Some(name) = &changes.variant {
+    if let Some(variant) = &changes.variant {
+        let names = variant.names();
         let known: Vec<&str> = experiment.variant.iter().map(|v| v.name.as_str()).collect();
-        let unknown = || {
-            JobError::setting("variant", name, "no such variant", format!("there are {}", known.join(", ")))
+        let refused = || {
+            let there = format!("there are {}", known.join(", "));
+            match names.iter().find(|name| !known.contains(&name.as_str())) {
+                Some(name) => JobError::setting("variant", name, "no such variant", there),
+                None => JobError::setting("variant", "[]", "names no variant", there),
+            }
         };
-        experiment = experiment.only(name).ok_or_else(unknown)?;
+        experiment = experiment.only(names).ok_or_else(refused)?;
     }
     Ok(experiment)
 }
@@ -630,17 +638,17 @@ const NO_NAMES: [&Path; 0] = [];
 /// The folder of a new run.
 fn root_of(new: &NewRun, experiment: &Experiment) -> PathBuf {
     new.out.clone().unwrap_or_else(|| {
-        default_root(new.experiment.short_name(), new.changes.variant.as_deref(), experiment)
+        default_root(new.experiment.short_name(), new.changes.variant.as_ref(), experiment)
     })
 }
 
-fn default_root(name: &str, variant: Option<&str>, experiment: &Experiment) -> PathBuf {
+fn default_root(name: &str, variant: Option<&VariantNames>, experiment: &Experiment) -> PathBuf {
     let path = Path::new(name);
     // Every folder of `init` has a file of this name.
     let of_init = Some(path).filter(|path| path.ends_with(init::EXPERIMENT));
     let whole = of_init.and_then(|path| std::fs::canonicalize(path).ok());
     let folder = whole.as_ref().and_then(|path| path.parent()?.file_name());
     let stem = folder.or(path.file_stem()).map_or_else(|| "run".into(), |s| s.to_string_lossy());
-    let variant = variant.map_or_else(String::new, |variant| format!("-{variant}"));
+    let variant: String = variant.iter().flat_map(|v| v.names()).map(|name| format!("-{name}")).collect();
     Path::new("runs").join(format!("{stem}{variant}-seed-{}", experiment.seed))
 }

@@ -9,6 +9,7 @@
 //! | moved | a part of a frame differs from the other frames | is not used for K and the dark series |
 //! | flicker | whole frames differ from each other | is used: the differences are subtracted from the noise |
 //! | light leak, uneven | parts of the mean frame differ, defect pixels left out | is used |
+//! | other filters | pixels of one colour differ by their place in a tile | is used |
 //! | no dark, no signal | the dark frames of its exposure time are missing, or equally bright | is not used for K |
 //! | saturated | samples are clipped, or the noise has fallen | is left out by the photon transfer |
 //! | darker | the point has more light than another and is darker | is used |
@@ -44,6 +45,8 @@ pub struct FrameFlags {
     pub light_leak_dn: Option<f64>,
     /// Largest difference of two blocks of flat frames, percent of the signal, if it is more than noise and 5 %.
     pub uneven_percent: Option<f64>,
+    /// By how much pixels of one colour differ by their place in a tile of 4x4 pixels, percent of the signal, if it is more than noise and 10 %.
+    pub other_filters_percent: Option<f64>,
 }
 
 /// Means of frames that differ.
@@ -154,6 +157,7 @@ impl FrameFlags {
             light_leak_dn: light_leak_dn(found, block_lines_dn2).filter(|_| point.kind == Kind::Dark),
             uneven_percent: uneven_percent(found, black_dn, block_lines_dn2)
                 .filter(|_| point.kind == Kind::Flat && is_mono),
+            other_filters_percent: other_filters_percent(found, black_dn),
         }
     }
 
@@ -289,4 +293,20 @@ fn uneven_percent(found: &PointStatistics, black_dn: f64, block_lines_dn2: [f64;
     let (difference_dn, standard_error_dn) = block_difference(found, block_lines_dn2);
     let percent = 100.0 * difference_dn / (found.all.mean_dn - black_dn).abs().max(1.0);
     (percent > 5.0 && difference_dn > 2.0 * NOT_NOISE_SIGMAS * standard_error_dn).then_some(percent)
+}
+
+/// Least difference of pixels by their place in a tile that is that of colour filters, percent of the signal. The two greens differ by a few.
+const OTHER_FILTERS_PERCENT: f64 = 10.0;
+
+/// Pixels that are looked at in a frame, or all of a smaller one.
+const LEAST_LOOKED_AT: usize = 65_536;
+
+/// Difference of pixels of one colour by their place in a tile, percent of the signal, if it exceeds noise, rounding and 10 %.
+fn other_filters_percent(found: &PointStatistics, black_dn: f64) -> Option<f64> {
+    let percent = 100.0 * found.tile_range_dn / (found.all.mean_dn - black_dn).abs().max(1.0);
+    // A place has a sixteenth of the pixels that are looked at.
+    let pixels = found.all.pixels.min(LEAST_LOOKED_AT) as f64 / 16.0 * found.frames as f64;
+    let standard_error_dn = (found.all.pixel_dn2() / pixels).sqrt();
+    let is_seen = found.tile_range_dn > 1.0 + 2.0 * NOT_NOISE_SIGMAS * standard_error_dn;
+    (percent > OTHER_FILTERS_PERCENT && is_seen).then_some(percent)
 }

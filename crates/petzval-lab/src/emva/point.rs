@@ -21,6 +21,7 @@ use super::captures::{CaptureError, Captures, FrameFile, Kind, Point};
 use super::counts::Counts;
 use super::line_covariance::{LineCovariance, LineModel};
 use super::line_noise::{LineNoise, LineSums, double_differences};
+use super::tile_range::tile_range_dn;
 use petzval_camera::sensor::{CfaPattern, Colour};
 use petzval_files::raw_file::{RawFrame, RawInfo};
 
@@ -157,6 +158,8 @@ pub struct PointStatistics {
     pub colours: Vec<(Colour, Moments)>,
     /// Means of 8x8 blocks of the mean frame without its defect pixels.
     pub block_means: BlockMeans,
+    /// Largest difference of two places of a tile of 4x4 pixels that have one colour, DN. Zero for dark frames.
+    pub tile_range_dn: f64,
     /// By frame, mean of each of 8x8 blocks less that of the other frames, DN.
     pub block_deviations_dn: Vec<Vec<f64>>,
     /// Pixels of each block.
@@ -342,6 +345,10 @@ pub fn reduce(
             .map(|(colour, c)| (*colour, c.moments(frames, tile, kinds)))
             .collect(),
         block_means: block_means(&sum, frames, [height, width]),
+        tile_range_dn: match point.kind {
+            Kind::Flat => tile_range_dn(&sum, frames, [height, width], cfa),
+            Kind::Dark => 0.0,
+        },
         block_deviations_dn: block_sums
             .iter()
             .map(|own| {

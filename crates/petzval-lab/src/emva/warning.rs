@@ -180,6 +180,14 @@ warnings! {
         percent: f64,
     } => "{point}: parts of the flat field differ by {percent:.1} %";
 
+    /// Pixels of one colour differ by their place in a tile, and there is no stack in which the test of the PRNU says so.
+    OtherMosaic("other-mosaic", severity *percent) {
+        /// Linear gain.
+        linear_gain: f64,
+        /// Largest difference of two places, percent of the signal.
+        percent: f64,
+    } => "at gain {linear_gain} pixels of one colour differ by {percent:.0} % of the signal by their place in a tile of 4x4 pixels, as if they have colour filters of another mosaic; if so, state it in `cfa`";
+
     /// A flat point has no usable dark frames of its gain and exposure time, and is not used.
     NoDark at point ("no-dark") {} =>
         "{point}: no usable dark frames of this gain and exposure time; the point does not count";
@@ -250,6 +258,16 @@ warnings! {
         /// Its standard error, e-.
         standard_error_e: f64,
     } => "the list states a full well of {stated_e} e-, and the signal ends at {measured_e:.0} +- {standard_error_e:.0} e-; sensor.toml holds what is stated";
+
+    /// The black level that the list states is not that of the dark frames.
+    BlackLevelDiffers("black-level-differs", severity (measured_dn - stated_dn).abs()) {
+        /// Linear gain.
+        linear_gain: f64,
+        /// As stated, DN.
+        stated_dn: f64,
+        /// Level of the dark frames without dark current, DN.
+        measured_dn: f64,
+    } => "at gain {linear_gain} the list states a black level of {stated_dn} DN, and dark frames lie at {measured_dn:.2} DN: is `black_level_dn` right? sensor.toml holds what is stated, and the difference as electronics_mean_dn";
 
     /// The dark histogram has a tail of bright pixels that the model lacks: DSNU or hot pixels.
     DarkTail at point ("dark-tail", severity share * mean_dn) {

@@ -2,6 +2,7 @@
 
 use super::error::{SfrError, Side};
 use super::profile::Profile;
+use petzval_base::statistics::median;
 
 /// Share of the pixels of a side at its extreme value from which it may be clipped.
 const LEAST_SHARE: f64 = 0.5;
@@ -9,6 +10,12 @@ const LEAST_SHARE: f64 = 0.5;
 /// Noise of the blurred zone, of the step and in steps of the values, from which a side without noise is clipped.
 const LEAST_NOISE: f64 = 0.003;
 const NOISE_STEPS: f64 = 1.5;
+
+/// Share of the pixels of a side at its extreme value from which noise is cut off there, and the largest change of the level by it, of the step and
+/// in steps of the values.
+const LEAST_CUT: f64 = 0.1;
+const LARGEST_SHIFT: f64 = 0.005;
+const SHIFT_STEPS: f64 = 0.5;
 
 // Without noise an end is clipped if it stops short of its level, because a blur comes near its level on both sides.
 /// Where the profile is read, pixels inside the first pixel of the extreme value.
@@ -26,6 +33,8 @@ const OTHER_LACK: f64 = 0.02;
 struct End {
     /// Share of the pixels beyond the blur at the extreme value.
     share: f64,
+    /// Distance of the mean of these pixels from their median, away from the extreme value, of the step.
+    shift: f64,
     /// Difference to the next value, of the step.
     gap: f64,
     /// Least difference between values near the extreme one, of the step: where the light is cut off, the next value may be far from it.
@@ -38,15 +47,18 @@ struct End {
 pub fn check(profile: &Profile) -> Result<(), SfrError> {
     for (side, sign) in [(Side::Dark, -1.0), (Side::Bright, 1.0)] {
         let end = End::of(profile, sign);
-        if end.share < LEAST_SHARE {
-            continue;
-        }
         let noise = profile.noise_of_blur(sign);
         let is_noisy = noise > LEAST_NOISE && noise > NOISE_STEPS * end.gap;
         let least = LEAST_LACK.max(LACK_STEPS * end.least_gap);
-        let is_abrupt = lack(profile, sign, end.last_px - INSIDE_PX) > least
-            && lack(profile, -sign, end.last_px) > OTHER_LACK.max(least);
-        if is_noisy || is_abrupt {
+        let is_abrupt = || {
+            lack(profile, sign, end.last_px - INSIDE_PX) > least
+                && lack(profile, -sign, end.last_px) > OTHER_LACK.max(least)
+        };
+        // Noise of which less than half is cut off keeps its median, and its mean moves.
+        let is_moved = || end.share > LEAST_CUT && end.shift > LARGEST_SHIFT + SHIFT_STEPS * end.gap;
+        let is_clipped =
+            if end.share < LEAST_SHARE { is_noisy && is_moved() } else { is_noisy || is_abrupt() };
+        if is_clipped {
             return Err(SfrError::Clipped { side, share: end.share });
         }
     }
@@ -57,7 +69,10 @@ impl End {
     fn of(profile: &Profile, sign: f64) -> Self {
         let even: Vec<f64> = profile.even_pixels(sign).map(|v| sign * v).collect();
         let extreme = even.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let share = even.iter().filter(|v| **v >= extreme).count() as f64 / even.len().max(1) as f64;
+        let count = even.len().max(1) as f64;
+        let share = even.iter().filter(|v| **v >= extreme).count() as f64 / count;
+        let mean = even.iter().sum::<f64>() / count;
+        let shift = (median(even.iter().copied()) - mean) / profile.step();
         let mut next = f64::NEG_INFINITY;
         let mut last_px = 0.0_f64;
         for (distance, value) in profile.values() {
@@ -75,7 +90,7 @@ impl End {
         close.sort_by(f64::total_cmp);
         let differences = close.windows(2).map(|pair| pair[1] - pair[0]).filter(|d| *d > 0.0);
         let least_gap = differences.fold(extreme - next, f64::min) / profile.step();
-        Self { share, gap: (extreme - next) / profile.step(), least_gap, last_px }
+        Self { share, shift, gap: (extreme - next) / profile.step(), least_gap, last_px }
     }
 }
 

@@ -293,27 +293,42 @@ impl<'a> Profile<'a> {
             .collect();
         (0..self.bands)
             .map(|band| {
-                let own = self.points.iter().filter(|p| self.samples[p.sample].band == band);
-                let sums = gathered(basis, own.map(|p| (p.distance, residual(&self.spline, p))));
-                let mut coefficients = self.factor.solve(sums);
-                for (c, pulls) in coefficients.iter_mut().zip(&light) {
+                let mut pull = self.pull_of(|sample| sample.band == band);
+                for (c, pulls) in pull.coefficients.iter_mut().zip(&light) {
                     *c += pulls.get(band).copied().unwrap_or(0.0);
                 }
-                Spline { basis, coefficients }
+                pull
             })
             .collect()
     }
 
-    /// The factor that makes pulls of fitted residuals those of noise: they are fewer by the numbers fitted, and sum to zero.
-    fn pull_scale(&self) -> f64 {
-        let (bands, count) = (self.bands as f64, self.points.len() as f64);
+    /// How the pixels of some samples pull the profile.
+    fn pull_of(&self, is_in: impl Fn(&Sample) -> bool) -> Spline {
+        let basis = self.spline.basis;
+        let own = self.points.iter().filter(|p| is_in(&self.samples[p.sample]));
+        let sums = gathered(basis, own.map(|p| (p.distance, residual(&self.spline, p))));
+        Spline { basis, coefficients: self.factor.solve(sums) }
+    }
+
+    /// The factor that makes pulls of so many groups of fitted residuals those of noise: residuals are fewer by the numbers fitted, and sum to zero.
+    fn pull_scale(&self, groups: usize) -> f64 {
+        let (groups, count) = (groups as f64, self.points.len() as f64);
         let free = (count - self.spline.basis.len() as f64).max(0.1 * count);
-        (bands / (bands - 1.0) * count / free).sqrt()
+        (groups / (groups - 1.0) * count / free).sqrt()
     }
 
     /// Response by frequency.
+    ///
+    /// A small region has few bands, and their scatter by chance is far too small in some regions. Its rows one by one are more; the noise of
+    /// neighbours may be correlated, though. The larger error of both counts.
     pub fn sfr(&self) -> Sfr {
-        Sfr::of(&self.spline, &self.pulls(), self.pull_scale(), self.blur_px)
+        let by = |pulls: &[Spline]| Sfr::of(&self.spline, pulls, self.pull_scale(pulls.len()), self.blur_px);
+        let by_bands = by(&self.pulls());
+        if self.bands == BANDS {
+            return by_bands;
+        }
+        let of_row = |row: usize| self.pull_of(|sample| sample.at[1] as usize == row);
+        by_bands.with_errors_at_least(&by(&(0..self.region.height).map(of_row).collect::<Vec<Spline>>()))
     }
 
     /// Levels of both sides.
@@ -329,7 +344,7 @@ impl<'a> Profile<'a> {
     /// How far the profile falls below the dark level, and rises above the bright one.
     pub fn beyond_levels(&self) -> [Estimate; 2] {
         let pulls = self.pulls();
-        let scale = self.pull_scale();
+        let scale = self.pull_scale(self.bands);
         [-1.0, 1.0].map(|sign| {
             let level = if sign > 0.0 { 1.0 } else { 0.0 };
             let beyond = |(at, v): &(f64, f64)| (*at, sign * (v - level));

@@ -82,6 +82,14 @@ impl Sfr {
         Self { modulation: chosen.modulation.clone(), standard_error: (0..FREQUENCIES).map(error).collect() }
     }
 
+    /// The same response with errors that are not below those of another estimate.
+    pub(super) fn with_errors_at_least(mut self, other: &Self) -> Self {
+        for (own, least) in self.standard_error.iter_mut().zip(&other.standard_error) {
+            *own = own.max(*least);
+        }
+        self
+    }
+
     /// The mean of several responses, of independent pixels; none of none.
     pub fn mean(responses: &[&Self]) -> Option<Self> {
         let count = responses.len() as f64;

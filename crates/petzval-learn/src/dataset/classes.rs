@@ -11,7 +11,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{IGNORED, StreetThing};
-use crate::detection::{BBox, Object, Truth};
+use crate::detection::{BBox, Ignored, Object, Truth};
 
 /// A class of objects or pixels, and what of data sets and streets is of it.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -267,7 +267,8 @@ pub fn taken_as(data: &DataSet, classes: &Classes) -> Option<String> {
         .then(|| format!("boxes of these categories are background: {}{taken}", list(&background)))
 }
 
-/// The objects of a picture. Crowds, objects that are to be ignored, and boxes that are thinner than a pixel are regions that are not judged.
+/// The objects of a picture. Crowds, objects that are to be ignored, and boxes that are thinner than a pixel are regions in which their class is
+/// not judged; where a traffic light of unknown state is, none is.
 pub(super) fn truth(data: &DataSet, objects: &[usize], classes: &Classes) -> Truth {
     let mut truth = Truth::default();
     for annotation in objects.iter().map(|k| &data.annotations[*k]) {
@@ -282,7 +283,7 @@ pub(super) fn truth(data: &DataSet, objects: &[usize], classes: &Classes) -> Tru
         let bbox = BBox::new(x1, y1, x2, y2);
         match class.filter(|_| !annotation.crowd && !annotation.ignore && !b.is_thin()) {
             Some(class) => truth.objects.push(Object { bbox, class }),
-            None => truth.ignored.push(bbox),
+            None => truth.ignored.push(Ignored { bbox, class }),
         }
     }
     truth
@@ -510,6 +511,10 @@ mod tests {
             ours.categories.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(),
             ["pedestrian", "vehicle"]
         );
+        // A detector has them as regions in which their class is not judged.
+        let truth = truth(&data, &[2, 3, 5], &people_and_vehicles());
+        let ignored: Vec<_> = truth.ignored.iter().map(|region| (region.bbox.x1, region.class)).collect();
+        assert_eq!((truth.objects.len(), &ignored[..]), (1, &[(4.0, Some(1)), (6.0, Some(0))][..]));
         // What is background is said.
         let note = taken_as(&data, &people_and_vehicles()).unwrap();
         assert!(note.contains("background: traffic light, tree; as `pedestrian`: Pedestrians"), "{note}");

@@ -21,7 +21,7 @@ use super::crop::around;
 use super::label_file::{LabelFile, drawn_pixel};
 use super::labelled_window::{LARGEST_SHARE, LEAST_INSIDE, crop_around, drawn_by_class, inside, off_middle};
 use super::{Classes, CropPlan, DatasetError, FirstReads, LabelledWindow, List, PictureFile, READ_AT_ONCE};
-use crate::detection::{BBox, Object, Truth};
+use crate::detection::{BBox, Ignored, Object, Truth};
 
 /// Where a data set says nothing of its parts: of every so many sequences, the last is held out and the one before it is for validation.
 pub(super) const PART: usize = 5;
@@ -396,10 +396,11 @@ impl LabelledPicture {
             if share >= LEAST_INSIDE && longer_side(&object.bbox) >= how.least_side_px {
                 truth.objects.push(Object { bbox, class: object.class })
             } else {
-                truth.ignored.push(bbox)
+                truth.ignored.push(Ignored::of_all(bbox))
             }
         }
-        truth.ignored.extend(self.truth.ignored.iter().filter_map(|bbox| Some(inside(bbox)?.0)));
+        let part = |region: &Ignored| Some(region.with_box(inside(&region.bbox)?.0));
+        truth.ignored.extend(self.truth.ignored.iter().filter_map(part));
         truth
     }
 }
@@ -479,8 +480,9 @@ fn boxes_of(picture: &LabelledPicture) -> String {
         let BBox { x1, y1, x2, y2 } = object.bbox;
         text += &format!(" {} {x1} {y1} {x2} {y2}", object.class);
     }
-    for BBox { x1, y1, x2, y2 } in &picture.truth.ignored {
-        text += &format!(" - {x1} {y1} {x2} {y2}");
+    for Ignored { bbox: BBox { x1, y1, x2, y2 }, class } in &picture.truth.ignored {
+        let class = class.map_or_else(String::new, |class| class.to_string());
+        text += &format!(" -{class} {x1} {y1} {x2} {y2}");
     }
     if let Some(labels) = &picture.labels {
         text += &format!(" {}", labels.digest);

@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use super::{ClassMap, CropPlan, TakesBytes};
-use crate::detection::{BBox, Object, Truth};
+use crate::detection::{BBox, Ignored, Object, Truth};
 
 /// Brightest light that is kept, in units of white; sensors are full long before.
 const BRIGHTEST: f32 = 6e4;
@@ -164,12 +164,12 @@ impl LabelledWindow {
                 Some((bbox, share)) if share >= LEAST_INSIDE => {
                     truth.objects.push(Object { bbox, ..*object })
                 }
-                Some((bbox, _)) => truth.ignored.push(bbox),
+                Some((bbox, _)) => truth.ignored.push(Ignored::of_all(bbox)),
                 None => {}
             }
         }
-        let ignored = self.truth.ignored.iter();
-        truth.ignored.extend(ignored.filter_map(|bbox| Some(inside(bbox, first, plan.crop)?.0)));
+        let part = |region: &Ignored| Some(region.with_box(inside(&region.bbox, first, plan.crop)?.0));
+        truth.ignored.extend(self.truth.ignored.iter().filter_map(part));
         let classes = self.classes.as_ref().map(|classes| classes.part(first, plan.crop));
         Self { side, planes, at, truth, classes, follows_light: self.follows_light }
     }
@@ -184,7 +184,7 @@ impl LabelledWindow {
         let Truth { objects, ignored, beside } = &self.truth;
         let truth = Truth {
             objects: objects.iter().map(mirrored).collect(),
-            ignored: ignored.iter().map(|b| flip(*b)).collect(),
+            ignored: ignored.iter().map(|region| region.with_box(flip(region.bbox))).collect(),
             beside: beside.iter().map(mirrored).collect(),
         };
         let at = [self.at[0], sensor_columns - crop - self.at[1]];
@@ -219,7 +219,7 @@ mod tests {
             let far = Object { bbox, class: 1 };
             let truth = Truth {
                 objects: vec![far],
-                ignored: vec![BBox::new(0.0, 0.0, 48.0, 48.0)],
+                ignored: vec![Ignored { bbox: BBox::new(0.0, 0.0, 48.0, 48.0), class: Some(1) }],
                 ..Truth::default()
             };
             // So does the class of every pixel of the crop.
@@ -253,7 +253,10 @@ mod tests {
                     object,
                     Object { bbox: bbox.moved(moved.map(|v| -v)).clipped([20, 20]), class: 1 }
                 );
-                assert_eq!(part.truth.ignored, [BBox::new(0.0, 0.0, 20.0, 20.0)]);
+                assert_eq!(
+                    part.truth.ignored,
+                    [Ignored { bbox: BBox::new(0.0, 0.0, 20.0, 20.0), class: Some(1) }]
+                );
             }
         }
     }

@@ -12,7 +12,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::labelled_window::{LARGEST_SHARE, LEAST_INSIDE, crop_around, drawn_by_class, inside, off_middle};
 use super::{ClassMap, Classes, CropPlan, LabelledWindow, List};
-use crate::detection::{BBox, Object, Truth};
+use crate::detection::{BBox, Ignored, Object, Truth};
 
 /// The automatic exposure makes the geometric mean of a street's luminance this share of white.
 const MIDDLE_GRAY: f64 = 0.18;
@@ -267,7 +267,7 @@ impl StreetPlan {
             match counts {
                 true => truth.objects.push(Object { bbox, class }),
                 // What cannot be seen at all is not there.
-                false if object.visible_share > 0.0 => truth.ignored.push(bbox),
+                false if object.visible_share > 0.0 => truth.ignored.push(Ignored::of_all(bbox)),
                 false => {}
             }
         }

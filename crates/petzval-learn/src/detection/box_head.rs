@@ -126,7 +126,8 @@ impl BoxHead {
         for (item, (truth, proposals)) in truths.iter().zip(proposals).enumerate() {
             let objects: Vec<BBox> = truth.objects.iter().map(|o| o.bbox).collect();
             let boxes: Vec<BBox> = proposals.iter().chain(&objects).copied().collect();
-            let matches: Vec<Match> = PROPOSALS_WITH_OBJECTS.matches(&objects, &truth.ignored, &boxes);
+            let matches: Vec<Match> =
+                PROPOSALS_WITH_OBJECTS.matches(&objects, &truth.ignored_boxes(), &boxes);
             let drawn = sample(&matches, self.config.sampled, self.config.positive, &mut random);
             for (number, object) in drawn.positive {
                 let bbox = boxes[number];

@@ -205,7 +205,11 @@ impl Fcos {
                 let smallest = objects.min_by(|a, b| a.1.bbox.area().total_cmp(&b.1.bbox.area()));
                 match smallest {
                     Some((number, _)) => Assigned::Object(number),
-                    None if truth.ignored.iter().any(|r| sides(place, r).iter().all(|side| *side > 0.0)) => {
+                    None if truth
+                        .ignored
+                        .iter()
+                        .any(|r| sides(place, &r.bbox).iter().all(|side| *side > 0.0)) =>
+                    {
                         Assigned::Ignored
                     }
                     None => Assigned::Background,

@@ -61,17 +61,52 @@ pub struct Object {
     pub class: usize,
 }
 
+/// A region in which detections are ignored.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Ignored {
+    /// Its box, pixels of the picture.
+    #[serde(flatten)]
+    pub bbox: BBox,
+    /// The class whose detections are ignored, from 0; those of every class if it is not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub class: Option<usize>,
+}
+
+impl Ignored {
+    /// A region in which detections of every class are ignored.
+    pub fn of_all(bbox: BBox) -> Self {
+        Self { bbox, class: None }
+    }
+
+    /// The same region elsewhere or in another size.
+    pub fn with_box(self, bbox: BBox) -> Self {
+        Self { bbox, ..self }
+    }
+
+    /// Whether detections of a class are ignored.
+    pub fn is_of(&self, class: usize) -> bool {
+        self.class.is_none_or(|own| own == class)
+    }
+}
+
 /// What is known of a picture.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Truth {
     /// The objects that are to be found.
     pub objects: Vec<Object>,
-    /// Regions in which detections are ignored: objects that are too small, too hidden, or of a class that is not detected.
-    pub ignored: Vec<BBox>,
+    /// Regions in which detections are ignored: objects that are too small, too hidden, or of a class that is not detected, and crowds.
+    pub ignored: Vec<Ignored>,
     /// Objects that count and lie beside the picture or nearly so, because its lens shows less of the scene than the one with which it is
     /// compared: whole, where this lens would image them. They are missed.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub beside: Vec<Object>,
+}
+
+impl Truth {
+    /// The boxes of the regions in which detections are ignored. A loss ignores them whatever their class.
+    pub fn ignored_boxes(&self) -> Vec<BBox> {
+        self.ignored.iter().map(|region| region.bbox).collect()
+    }
 }
 
 /// An object that was found.

@@ -176,7 +176,7 @@ impl ProposalNetwork {
         let (mut with, mut without, mut targets) = (Vec::new(), Vec::new(), Vec::new());
         let matched = |truth: &Truth| {
             let boxes: Vec<BBox> = truth.objects.iter().map(|o| o.bbox).collect();
-            let matches = self.config.matcher.matches(&boxes, &truth.ignored, &seen.anchors);
+            let matches = self.config.matcher.matches(&boxes, &truth.ignored_boxes(), &seen.anchors);
             (boxes, matches)
         };
         let matched: Vec<_> = truths.par_iter().map(matched).collect();

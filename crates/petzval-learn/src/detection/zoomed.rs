@@ -67,7 +67,7 @@ fn scaled(truths: &[Truth], by: [f32; 2]) -> Vec<Truth> {
     let object = |o: &Object| Object { bbox: o.bbox.scaled(by), ..*o };
     let truth = |t: &Truth| Truth {
         objects: t.objects.iter().map(object).collect(),
-        ignored: t.ignored.iter().map(|b| b.scaled(by)).collect(),
+        ignored: t.ignored.iter().map(|region| region.with_box(region.bbox.scaled(by))).collect(),
         beside: t.beside.iter().map(object).collect(),
     };
     truths.iter().map(truth).collect()

@@ -12,7 +12,9 @@ pub mod segmentation;
 mod ssim;
 mod standard;
 
-pub use objects::{Field, ObjectScore, confusion, judged, object_scores, range_of};
+pub use objects::{
+    Field, ObjectScore, confusion, draws_of, judged, object_scores, range_of, range_of_difference,
+};
 pub use standard::{STANDARD_SCORES, standard_scores};
 
 use burn::prelude::*;

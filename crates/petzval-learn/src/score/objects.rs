@@ -5,12 +5,12 @@ use petzval_files::coco::LIGHT_STATES;
 use super::ScoreDescription;
 use super::detection::{
     Bootstrap, COCO_LARGE_PX2, COCO_SMALL_PX2, FoundObject, Group, Interpolation, Picture, Protocol, Ranking,
-    StateConfusion, StateOf, TrueObject, Xywh, bootstrap,
+    StateConfusion, StateOf, TrueObject, Xywh, bootstrap, drawn_scores, percentiles,
 };
 use crate::detection::{BBox, Detection, Truth};
 
 /// The objects of a window whose first pixel is at `at` on the sensor, row and column, and what was found there, in pixels of the sensor.
-/// A region that is not judged is one for each of the `classes`.
+/// A region that is not judged is one of its class, or one for each of the `classes`.
 pub fn judged(truth: &Truth, found: &[Detection], at: [usize; 2], classes: usize) -> Picture {
     let bounds = |b: &BBox| -> Xywh {
         let [x, y] = [b.x1 + at[1] as f32, b.y1 + at[0] as f32].map(f64::from);
@@ -22,9 +22,10 @@ pub fn judged(truth: &Truth, found: &[Detection], at: [usize; 2], classes: usize
     };
     let all = truth.objects.iter().chain(&truth.beside);
     let mut objects: Vec<TrueObject> = all.map(|o| object(&o.bbox, o.class, false)).collect();
-    // Whatever is found in a region that is not judged, of any class, is neither right nor wrong.
+    // What is found in a region that is not judged is neither right nor wrong.
     for region in &truth.ignored {
-        objects.extend((0..classes).map(|class| object(region, class, true)));
+        let of = (0..classes).filter(|class| region.is_of(*class));
+        objects.extend(of.map(|class| object(&region.bbox, class, true)));
     }
     let detections = found
         .iter()
@@ -183,15 +184,37 @@ impl ObjectScore {
         classes: usize,
         field: Field,
     ) -> Option<[f64; 2]> {
+        self.with_figure(windows, classes, field, |figure| range_of(clusters, figure))
+    }
+
+    /// The figure of every draw of [`interval`](Self::interval); see [`drawn_scores`].
+    pub fn draws(
+        &self,
+        windows: &[Picture],
+        clusters: &[usize],
+        classes: usize,
+        field: Field,
+    ) -> Vec<Option<f64>> {
+        self.with_figure(windows, classes, field, |figure| draws_of(clusters, figure))
+    }
+
+    /// What follows from the figure by how often each window counts.
+    fn with_figure<T>(
+        &self,
+        windows: &[Picture],
+        classes: usize,
+        field: Field,
+        of: impl FnOnce(&(dyn Fn(&[u32]) -> Option<f64> + Sync)) -> T,
+    ) -> T {
         if let Some(ranking) = self.ranking(windows, classes, field) {
-            return range_of(clusters, |counts| self.area(&ranking, Some(counts)));
+            return of(&|counts| self.area(&ranking, Some(counts)));
         }
         let of_window = |window| {
             let found = confusion(std::slice::from_ref(window), classes);
             [found.right(), found.detected()]
         };
         let of_windows: Vec<[u64; 2]> = windows.iter().map(of_window).collect();
-        range_of(clusters, |counts| {
+        of(&|counts| {
             let drawn = || of_windows.iter().zip(counts);
             let sum =
                 |k: usize| -> u64 { drawn().map(|(window, count)| u64::from(*count) * window[k]).sum() };
@@ -230,8 +253,23 @@ impl ObjectScore {
 
 /// Where a score lies in 95 % of 500 draws of clusters of pictures, low and high; see [`bootstrap`].
 pub fn range_of(clusters: &[usize], score: impl Fn(&[u32]) -> Option<f64> + Sync) -> Option<[f64; 2]> {
-    let how = Bootstrap { draws: DRAWS, ..Bootstrap::of_clusters(clusters.to_vec(), 1) };
-    bootstrap(&how, score).map(|range| [range.low, range.high])
+    bootstrap(&of_500_draws(clusters), score).map(|range| [range.low, range.high])
+}
+
+/// The scores of these draws; see [`drawn_scores`].
+pub fn draws_of(clusters: &[usize], score: impl Fn(&[u32]) -> Option<f64> + Sync) -> Vec<Option<f64>> {
+    drawn_scores(&of_500_draws(clusters), score)
+}
+
+/// Where the difference of two scores lies in 95 % of these draws, low and high, from the scores of both.
+pub fn range_of_difference(ours: &[Option<f64>], theirs: &[Option<f64>]) -> Option<[f64; 2]> {
+    let pairs = ours.iter().zip(theirs);
+    let mut differences: Vec<f64> = pairs.filter_map(|(ours, theirs)| Some((*ours)? - (*theirs)?)).collect();
+    percentiles(&mut differences, of_500_draws(&[]).confidence)
+}
+
+fn of_500_draws(clusters: &[usize]) -> Bootstrap {
+    Bootstrap { draws: DRAWS, ..Bootstrap::of_clusters(clusters.to_vec(), 1) }
 }
 
 /// Confusion matrix of classes: objects against detections of score 0.5 or more that overlap them by half.
@@ -246,7 +284,7 @@ pub fn confusion(windows: &[Picture], classes: usize) -> StateConfusion {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::detection::Object;
+    use crate::detection::{Ignored, Object};
 
     /// Twelve windows with one object each; the detector finds every second one, and none in the last four.
     fn windows() -> Vec<Picture> {
@@ -255,7 +293,7 @@ mod tests {
             .map(|i| {
                 let truth = Truth {
                     objects: vec![Object { bbox: bbox(5.0), class: i % 2 }],
-                    ignored: vec![bbox(60.0)],
+                    ignored: vec![Ignored::of_all(bbox(60.0))],
                     ..Truth::default()
                 };
                 let x = if i % 3 == 0 || i >= 8 { 100.0 } else { 6.0 };
@@ -264,6 +302,23 @@ mod tests {
                 judged(&truth, &[found(x, 0.5 + 0.03 * i as f32), found(61.0, 0.99)], [100 * i, 50], 2)
             })
             .collect()
+    }
+
+    #[test]
+    fn a_crowd_hides_mistakes_of_its_own_class_alone() {
+        let bbox = |x: f32| BBox::new(x, 10.0, x + 20.0, 40.0);
+        let truth = Truth {
+            objects: (0..2).map(|class| Object { bbox: bbox(5.0), class }).collect(),
+            ignored: vec![Ignored { bbox: bbox(60.0), class: Some(0) }],
+            ..Truth::default()
+        };
+        // The surest detection of either class is in the crowd of the first.
+        let found = [(60.0, 0, 0.9), (5.0, 0, 0.8), (60.0, 1, 0.9), (5.0, 1, 0.8)]
+            .map(|(x, class, score)| Detection { bbox: bbox(x), class, score });
+        let windows = [judged(&truth, &found, [0, 0], 2)];
+        let ranking = Ranking::new(&windows, 2, &Protocol::coco_at(0.5), &Group::all());
+        let area = |class| ranking.class_average_precision(class, Interpolation::Points101, None).unwrap();
+        assert!((area(0) - 1.0).abs() < 1e-12 && (area(1) - 0.5).abs() < 1e-12, "{} {}", area(0), area(1));
     }
 
     #[test]

@@ -94,6 +94,7 @@ fn result(report: &Report, has_answer: bool) -> Option<Section> {
                 (score_table(report))
             }
             @for sentence in reading(report) { p.reading { (sentence) } }
+            @if let Some(files) = &report.left_out { p.muted { (files) "." } }
             @if !report.notes.is_empty() {
                 details {
                     summary { "How scores and lenses are measured" }

@@ -35,6 +35,8 @@ pub struct Report {
     pub held_out: Vec<HeldOutScores>,
     /// Held-out pictures, taken by each camera, those with a role first.
     pub pictures: Vec<PictureView>,
+    /// Which pictures are not shown because their files are missing or damaged, in words; none where all are there.
+    pub left_out: Option<String>,
     /// Whole frames of one photograph: the scene first, then one of each camera; or none.
     pub frames: Vec<FrameView>,
     /// Number of all held-out pictures.

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
-use petzval_jobs::design::{Changes, NewRun, Request, Run, Settings};
+use petzval_jobs::design::{Changes, NewRun, Request, Run, Settings, VariantNames};
 use petzval_jobs::{Call, Context, DEVICES, ExperimentInput, JobError, design, row};
 use serde_json::{Map, Value};
 
@@ -171,7 +171,7 @@ impl Unresolved<'_> {
         let changes = Changes {
             seed: combination.seed,
             steps: file.steps,
-            variant: combination.variant.clone(),
+            variant: combination.variant.clone().map(VariantNames::One),
             set,
             ..Changes::default()
         };

@@ -66,9 +66,9 @@ pub struct Args {
     /// they are: see detector.backbone and street.windows
     #[arg(long, conflicts_with = "steps")]
     full: bool,
-    /// Make only this variant of the experiment, and the variants from which it starts
+    /// Make only this variant of the experiment, and the variants from which it starts; may be repeated
     #[arg(long, value_name = "NAME")]
-    variant: Option<String>,
+    variant: Vec<String>,
     /// A value in place of one of the experiment's file, such as training.steps=400 or psf.kind=diffraction; may be repeated. Keys are paths; a
     /// variant is named by its name, as in variant.end-to-end.noise=off. Values are TOML, and a bare word is a text
     #[arg(long, value_name = "KEY=VALUE")]
@@ -120,7 +120,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
                 data: args.data,
                 steps: args.steps,
                 is_full: args.full,
-                variant: args.variant,
+                variant: design::VariantNames::of(args.variant),
                 set: settings_of(&args.set)?,
             },
         }),

@@ -119,7 +119,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
 
 /// Prints the 95 % range of every score.
 fn print_ranges(metrics: &Metrics) {
-    let [none, _] = without_range(metrics);
+    let none = without_range(metrics);
     outln!("\n{:<16} {:<16} {:>24}", "95 % range of", "score", "low to high");
     for row in &metrics.rows {
         for score in metrics.scores.iter().filter(|score| row.scores.contains_key(&score.name)) {
@@ -135,7 +135,7 @@ fn print_ranges(metrics: &Metrics) {
 
 /// Prints differences between cameras on the same pictures.
 fn print_differences(metrics: &Metrics, differences: &[Difference]) {
-    let [_, none] = without_range(metrics);
+    let none = without_range(metrics);
     for Difference { camera, against, scores, ranges } in differences {
         for score in &metrics.scores {
             let Some(value) = scores.get(&score.name) else { continue };
@@ -149,13 +149,9 @@ fn print_differences(metrics: &Metrics, differences: &[Difference]) {
     }
 }
 
-/// Why a figure and a difference have no range. Differences of scores of all windows together are not drawn.
-fn without_range(metrics: &Metrics) -> [&'static str; 2] {
-    if metrics.is_of_objects() {
-        ["none: one picture or film", "not known: the score is of all windows together"]
-    } else {
-        ["none: one photograph"; 2]
-    }
+/// Why a figure or a difference has no range.
+fn without_range(metrics: &Metrics) -> &'static str {
+    if metrics.is_of_objects() { "none: one picture or film" } else { "none: one photograph" }
 }
 
 /// A range in the digits of its score, or why there is `none`.
@@ -238,9 +234,8 @@ mod tests {
             scores: vec![score.clone()],
             version: String::new(),
         };
-        let [figure, difference] = without_range(&metrics);
-        assert_eq!(range(&score, Some(&[0.101, 0.256]), figure), "0.10 to 0.26");
-        assert_eq!(range(&score, None, figure), "none: one picture or film");
-        assert_eq!(range(&score, None, difference), "not known: the score is of all windows together");
+        let none = without_range(&metrics);
+        assert_eq!(range(&score, Some(&[0.101, 0.256]), none), "0.10 to 0.26");
+        assert_eq!(range(&score, None, none), "none: one picture or film");
     }
 }

@@ -127,6 +127,33 @@ fn twice_the_light_gives_twice_the_electrons_and_noise_is_keyed_by_the_seed() {
     assert!((illumination - 0.9855).abs() < 0.003, "{illumination}");
 }
 
+/// By the radiance that no lens changes, the light on the axis is that of the real cone: `pi L sin^2 U'`. With the tangent in place of the sine a
+/// lens of f/2 had 7 % too little.
+#[test]
+fn light_on_the_axis_is_that_of_the_real_cone() {
+    let folder = tempfile::tempdir().unwrap();
+    let sensor = small_sensor(folder.path(), "");
+    for lens in ["eight-element-achromat", "cooke-triplet-fast", "cooke-triplet-nominal"] {
+        let shown = run_ok(folder.path(), &["lens", "show", lens, "--json"]).json();
+        let sine = 0.5 / shown["working_f_number"].as_f64().unwrap();
+        let args = ["simulate", "--force", "scene:flat", "--sensor", &sensor, "--lens", lens, "--no-noise"];
+        let args =
+            [&args[..], &["--qe", "flat:0.6", "--illuminance-lux", "200", "--out", lens, "--json"]].concat();
+        let out = run_ok(folder.path(), &args).json();
+        let f_number = out[0]["f_number"].as_f64().unwrap();
+        let raw = image::open(folder.path().join(lens).join("flat-raw.tiff")).unwrap().to_luma16();
+        let green_e = (f64::from(raw.get_pixel(97, 60)[0]) - 119.0 - 1.15) / 0.14 - 3.25 - 25.0 * 0.005;
+        let optics =
+            PixelOptics { pixel_um: 5.86, f_number, time_s: f64::from(0.005f32), transmission: None };
+        let light = Illuminant::named("D65").unwrap().white_radiance(200.0);
+        let efficiency = Spectrum::new(vec![0.3, 1.1], vec![0.6, 0.6]).unwrap();
+        let electrons_per_joule = optics.electrons(&light, &efficiency) / optics.throughput();
+        let exact_e = electrons_per_joule * 5.86e-6f64.powi(2) * 0.005 * std::f64::consts::PI * sine * sine;
+        // The PSFs count light by the image scale of chief rays, which is that of the whole pupil within 1 %.
+        assert!((green_e / exact_e - 1.0).abs() < 0.012, "{lens}: {green_e} of {exact_e} electrons");
+    }
+}
+
 /// CIELAB differences of the 24 patches of a developed chart of 192x120 pixels from the colours that they have under the
 /// light, seen by an eye adapted to D65.
 fn patch_differences(npy: &Path, light: &str) -> Vec<f64> {
@@ -206,7 +233,7 @@ fn a_spectral_file_is_exposed_as_the_scene_that_it_holds() {
     let electrons =
         |x: u32, y: u32| (f64::from(raw.get_pixel(x, y)[0]) - 119.0 - 1.15) / 0.14 - 3.25 - 25.0 * 0.005;
 
-    // Bright pixels: L A t pi / (1 + 4 F^2) int QE l / (h c) dl, with L constant from 450 to 650 nm, by the midpoint rule.
+    // Bright pixels: L A t pi / (4 F^2) int QE l / (h c) dl, with L constant from 450 to 650 nm, by the midpoint rule.
     let curves: toml::Table =
         std::fs::read_to_string(data("quantum-efficiency/imx219.toml")).unwrap().parse().unwrap();
     let list = |key: &str| -> Vec<f64> {
@@ -223,8 +250,7 @@ fn a_spectral_file_is_exposed_as_the_scene_that_it_holds() {
         let nm_um: f64 =
             (0..2000).map(|k| 450.05 + 0.1 * f64::from(k)).map(|nm| 0.1 * at(nm / 1e3) * nm / 1e3).sum();
         let f_number = out[0]["f_number"].as_f64().unwrap();
-        let throughput =
-            (5.86e-6f64).powi(2) * 0.005 * std::f64::consts::PI / (1.0 + 4.0 * f_number * f_number);
+        let throughput = (5.86e-6f64).powi(2) * 0.005 * std::f64::consts::PI / (4.0 * f_number * f_number);
         0.002 * throughput * nm_um * 1e-6 / (6.626_070_15e-34 * 299_792_458.0)
     };
     // RGGB: row 60 is red and green, row 61 green and blue; the lens takes 1.5 % on the axis.
@@ -325,7 +351,7 @@ fn a_near_object_gives_the_light_of_the_working_f_number() {
     let ((f_far, e_far), (f_near, e_near)) = (take("cooke-triplet-nominal"), take("near.toml"));
     let cone = image_f_number(&focused);
     assert!((f_near / cone - 1.0).abs() < 1e-6 && f_near > 1.1 * f_far, "{f_near} {f_far}");
-    let ratio = (1.0 + 4.0 * f_far * f_far) / (1.0 + 4.0 * f_near * f_near);
+    let ratio = (f_far / f_near).powi(2);
     assert!((e_near / e_far / ratio - 1.0).abs() < 1e-9, "{e_near} {e_far}");
 }
 

@@ -145,10 +145,19 @@ fn one_variant_can_be_made_alone() {
     let run = tiny_run(folder.path(), "run", &["--variant", "end-to-end"]);
     let metrics = read_json(&run.join("metrics.json"));
     assert_eq!(metrics["rows"].as_array().unwrap().len(), 1);
-    run_fails(
-        folder.path(),
-        &["design", "tiny.toml", "--variant", "best"],
-        2,
-        &["--variant best", "nominal, spot-optimised, end-to-end"],
-    );
+    let two = ["design", "tiny.toml", "--variant", "end-to-end", "--variant", "nominal", "--out", "two"];
+    run_ok(folder.path(), &two);
+    let rows = read_json(&folder.path().join("two/metrics.json"))["rows"].clone();
+    let names: Vec<&str> =
+        rows.as_array().unwrap().iter().map(|row| row["camera"].as_str().unwrap()).collect();
+    assert_eq!(names, ["nominal", "end-to-end"], "in the order of the experiment");
+    assert_eq!(rows[1], metrics["rows"][0], "a camera is the same whatever is made beside it");
+    for names in [&["--variant", "best"][..], &["--variant", "nominal", "--variant", "best"]] {
+        run_fails(
+            folder.path(),
+            &[&["design", "tiny.toml"][..], names].concat(),
+            2,
+            &["--variant best", "nominal, spot-optimised, end-to-end"],
+        );
+    }
 }

@@ -278,6 +278,46 @@ fn what_was_changed_in_a_finished_run_is_named_and_not_believed() {
     let accepted = ["apply", "copy", &photo, "--camera", "nominal", "--out", "noisy"];
     let said = run_ok(folder.path(), &[&accepted[..], &["--accept-changed", "inputs"]].concat());
     assert!(said.says("copy: inputs is not as the run wrote it; accepted"), "{}", said.stderr);
+    // No other verb believes it either, and each takes the same way out.
+    copy_photos(&folder.path().join("other"), &["china.png"]);
+    for args in [
+        &["report", "copy"][..],
+        &["compare", "copy", "--out", "page.html"],
+        &["evaluate", "copy", "--photos", "other"],
+    ] {
+        run_fails(folder.path(), args, 2, &needles);
+        let said = run_ok(folder.path(), &[args, &["--accept-changed", "inputs"]].concat());
+        assert!(said.says("copy: inputs is not as the run wrote it; accepted"), "{args:?} {}", said.stderr);
+    }
+    let own = "inputs are not those that this run began with: the sensor";
+    run_fails(folder.path(), &["evaluate", "copy"], 2, &[own, "put them back"]);
+
+    // Pictures that are gone or cut short are named, and the page does without them.
+    let pages = [&["report", "copy"][..], &["compare", "copy", "--out", "page.html", "--force"]];
+    let whole = run_ok(folder.path(), &["report", "run"]);
+    assert!(!whole.says("not shown"), "{}", whole.stderr);
+    let shown = read(&run.join("report.html")).matches("<img").count();
+    changed("pictures/00-nominal-output.png", &|path| {
+        let bytes = std::fs::read(path).unwrap();
+        std::fs::write(path, &bytes[..bytes.len() / 2]).unwrap();
+    });
+    for args in pages {
+        let said = run_ok(folder.path(), args);
+        let named = "1 picture missing in the folder of the run or damaged, not shown: pictures/00-nominal-output.png";
+        assert!(said.says(named), "{args:?} {}", said.stderr);
+    }
+    let page = read(&folder.path().join("copy/report.html"));
+    assert!(page.contains("not shown: pictures/00-nominal-output.png"));
+    assert!(page.matches("<img").count() < shown, "a part of a picture is shown");
+    changed("pictures", &|path| std::fs::remove_dir_all(path).unwrap());
+    for args in pages {
+        let said = run_ok(folder.path(), args);
+        assert!(
+            said.says("pictures missing in the folder of the run or damaged"),
+            "{args:?} {}",
+            said.stderr
+        );
+    }
 
     // A run of an earlier version has no digests: it is read with one warning.
     changed("metrics.json", &edit);

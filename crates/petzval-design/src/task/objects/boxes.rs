@@ -15,7 +15,7 @@ const UNJUDGED: [f32; 3] = [0.6, 0.6, 0.6];
 /// A picture with the boxes of its objects, and of regions that are not judged in gray.
 pub fn with_truth(picture: &LinearImage, truth: &Truth) -> LinearImage {
     let mut drawn = picture.clone();
-    truth.ignored.iter().for_each(|bbox| outline(&mut drawn, bbox, UNJUDGED));
+    truth.ignored.iter().for_each(|region| outline(&mut drawn, &region.bbox, UNJUDGED));
     truth.objects.iter().for_each(|object| outline(&mut drawn, &object.bbox, OBJECT));
     drawn
 }
@@ -27,7 +27,7 @@ pub fn with_detections(picture: &LinearImage, truth: &Truth, found: &[Detection]
     for detection in found.iter().filter(|d| d.score >= LEAST_SCORE).rev() {
         let near = || truth.objects.iter().filter(|o| o.bbox.iou(&detection.bbox) >= OVERLAP);
         let colour = match near().next() {
-            None if is_unjudged(truth, &detection.bbox) => UNJUDGED,
+            None if is_unjudged(truth, detection) => UNJUDGED,
             None => FALSE_ALARM,
             Some(_) if near().any(|object| object.class == detection.class) => RIGHT,
             Some(_) => OTHER_CLASS,
@@ -84,7 +84,7 @@ fn outline(picture: &mut LinearImage, bbox: &BBox, colour: [f32; 3]) {
 
 #[cfg(test)]
 mod tests {
-    use petzval_learn::detection::Object;
+    use petzval_learn::detection::{Ignored, Object};
 
     use super::*;
 
@@ -94,7 +94,7 @@ mod tests {
         let at = |x1: f32| BBox::new(x1, 5.0, x1 + 6.0, 15.0);
         let truth = Truth {
             objects: vec![Object { bbox: at(1.0), class: 0 }, Object { bbox: at(10.0), class: 1 }],
-            ignored: vec![at(32.0)],
+            ignored: vec![Ignored::of_all(at(32.0))],
             ..Truth::default()
         };
         let found = |x1: f32, class, score| Detection { bbox: at(x1), class, score };
@@ -114,7 +114,7 @@ mod tests {
         // Boxes beyond the picture are drawn as far as they go.
         with_truth(
             &picture,
-            &Truth { ignored: vec![BBox::new(-50.0, -9.0, 90.0, 99.0)], ..Truth::default() },
+            &Truth { ignored: vec![Ignored::of_all(BBox::new(-50.0, -9.0, 90.0, 99.0))], ..Truth::default() },
         );
     }
 }

@@ -118,6 +118,14 @@ impl Findings for ObjectFindings {
         self.scores.iter().filter_map(interval).collect()
     }
 
+    fn draws(&self) -> BTreeMap<String, Vec<Option<f64>>> {
+        let (windows, clusters) = (self.judged(), clusters(&self.windows));
+        let draws = |score: &ObjectScore| {
+            (score.about.name.clone(), score.draws(&windows, &clusters, self.classes, self.field))
+        };
+        self.scores.iter().map(draws).collect()
+    }
+
     fn save(&self, folder: &Path) -> Result<(), DesignError> {
         seen_windows::save(folder, &self.windows)
     }

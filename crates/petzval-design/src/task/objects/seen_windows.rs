@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use petzval_learn::detection::{BBox, Detection, Object, Truth};
+use petzval_learn::detection::{Detection, Ignored, Object, Truth};
 use petzval_learn::score::detection::{Picture, clusters_of};
 use petzval_learn::score::judged;
 use serde::{Deserialize, Serialize};
@@ -83,14 +83,18 @@ impl SeenWindow {
         self.finished().iter().filter(move |d| {
             d.score >= LEAST_SCORE
                 && !self.truth.objects.iter().any(|o| is_of(d, o))
-                && !is_unjudged(&self.truth, &d.bbox)
+                && !is_unjudged(&self.truth, d)
         })
     }
 }
 
-/// Whether a box lies in a region that is not judged.
-pub(crate) fn is_unjudged(truth: &Truth, bbox: &BBox) -> bool {
-    truth.ignored.iter().any(|region| bbox.intersection(region) >= OVERLAP * bbox.area())
+/// Whether a detection lies in a region where its class is not judged.
+pub(crate) fn is_unjudged(truth: &Truth, found: &Detection) -> bool {
+    let bbox = &found.bbox;
+    let holds = |region: &Ignored| {
+        region.is_of(found.class) && bbox.intersection(&region.bbox) >= OVERLAP * bbox.area()
+    };
+    truth.ignored.iter().any(holds)
 }
 
 /// The cluster of each window for a bootstrap: windows of one film are drawn together.
@@ -131,7 +135,7 @@ mod tests {
             sequence: None,
             truth: Truth {
                 objects: vec![object(0.0, 0), object(20.0, 1), object(40.0, 0), object(60.0, 1)],
-                ignored: vec![BBox::new(100.0, 0.0, 200.0, 100.0)],
+                ignored: vec![Ignored { bbox: BBox::new(100.0, 0.0, 200.0, 100.0), class: Some(0) }],
                 ..Truth::default()
             },
             found: [
@@ -139,12 +143,22 @@ mod tests {
                 vec![found(0.0, 0, 0.9), found(20.0, 1, 0.9)],
                 // Neither unsure detections nor those of another class count.
                 vec![found(20.0, 0, 0.9), found(20.0, 1, 0.4), found(40.0, 0, 0.9)],
-                vec![found(0.0, 0, 0.9), found(60.0, 1, 0.3), found(80.0, 0, 0.8), found(120.0, 0, 0.9)],
+                vec![
+                    found(0.0, 0, 0.9),
+                    found(60.0, 1, 0.3),
+                    found(80.0, 0, 0.8),
+                    found(120.0, 0, 0.9),
+                    found(140.0, 1, 0.9),
+                ],
             ],
         };
         let lost: Vec<Option<Stage>> = window.truth.objects.iter().map(|o| window.lost_at(o)).collect();
         assert_eq!(lost, [None, Some(Stage::Raw), Some(Stage::Light), Some(Stage::Scene)]);
         let alarms: Vec<f32> = window.false_alarms().map(|d| d.bbox.x1).collect();
-        assert_eq!(alarms, [80.0], "what is found in a region that is not judged is no false alarm");
+        assert_eq!(
+            alarms,
+            [80.0, 140.0],
+            "what is found in a region that is not judged is no false alarm of its class"
+        );
     }
 }

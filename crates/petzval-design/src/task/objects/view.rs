@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use super::seen_windows::{self, SeenWindow, Stage};
 use crate::cameras::Cameras;
 use crate::error::DesignError;
-use crate::run::picture_names::file_name;
+use crate::run::picture_names::{file_name, whole_png};
 use crate::run::{CameraMetrics, Metrics, RunFolder};
 use crate::task::TaskReport;
 
@@ -47,33 +47,29 @@ pub(super) fn report(
     let focus = |(index, window): (usize, &SeenWindow)| {
         let objects = window.truth.objects.iter();
         let largest = objects.max_by(|a, b| a.bbox.area().total_cmp(&b.bbox.area()))?;
-        // A picture that cannot be read fails where it is shown.
+        // A picture that cannot be read is not shown.
         let (side, _) = picture_size(&run.picture(&file_name(index, "truth", None))).ok()?;
         Some(largest.bbox.centre().map(|v| f64::from(v) / f64::from(side)))
     };
     Ok(TaskReport {
         found: all.iter().map(found).collect(),
         focus: first.map_or_else(Vec::new, |seen| seen.windows.iter().enumerate().map(focus).collect()),
-        detection: detection_view(cameras, run, &all.into_iter().flatten().collect::<Vec<_>>())?,
+        detection: detection_view(cameras, run, &all.into_iter().flatten().collect::<Vec<_>>()),
         sections: Vec::new(),
     })
 }
 
 /// What the cameras of a run find; none without a camera.
-fn detection_view(
-    of: &Cameras,
-    run: &RunFolder,
-    cameras: &[Seen],
-) -> Result<Option<DetectionView>, DesignError> {
+fn detection_view(of: &Cameras, run: &RunFolder, cameras: &[Seen]) -> Option<DetectionView> {
     let all = of.experiment.classes();
     let classes = &all.names()[..];
     let field = of.field();
     // The ceiling is no baseline.
-    let Some(baseline) = cameras.iter().find(|c| !c.is_ceiling).or(cameras.first()) else { return Ok(None) };
+    let baseline = cameras.iter().find(|c| !c.is_ceiling).or(cameras.first())?;
     let design = cameras.iter().rfind(|c| !c.is_ceiling).unwrap_or(baseline);
     let groups: Vec<ObjectScore> =
         object_scores(classes).into_iter().filter(|score| score.about.name.starts_with(SHOWN)).collect();
-    let view = |seen: &Seen| -> Result<CameraDetection, DesignError> {
+    let view = |seen: &Seen| {
         let ranking = seen.ranking(classes.len());
         let clusters = seen_windows::clusters(&seen.windows);
         let curve = |i: usize| {
@@ -88,7 +84,7 @@ fn detection_view(
             let name = score.about.title.trim_start_matches("AP50 ").to_owned();
             Some(GroupFigure { name, value, range })
         };
-        Ok(CameraDetection {
+        CameraDetection {
             camera: seen.camera.to_owned(),
             curves: (0..classes.len()).filter_map(curve).collect(),
             groups: groups.par_iter().filter_map(group).collect(),
@@ -96,16 +92,16 @@ fn detection_view(
             design_against: difference(seen, design, classes.len()),
             ap50_at_stages: Stage::ALL.map(|stage| seen.ap50_at(stage, classes.len())),
             lost: seen.lost(),
-            misses: seen.misses(run, classes)?,
-            false_alarms: seen.false_alarms(run, classes)?,
-        })
+            misses: seen.misses(run, classes),
+            false_alarms: seen.false_alarms(run, classes),
+        }
     };
-    Ok(Some(DetectionView {
+    Some(DetectionView {
         baseline: baseline.camera.to_owned(),
         design: design.camera.to_owned(),
         windows: baseline.windows.len(),
-        cameras: cameras.iter().map(view).collect::<Result<_, _>>()?,
-    }))
+        cameras: cameras.iter().map(view).collect(),
+    })
 }
 
 /// What a camera finds.
@@ -153,7 +149,7 @@ impl<'a> Seen<'a> {
     }
 
     /// The largest objects that are not found.
-    fn misses(&self, run: &RunFolder, classes: &[&str]) -> Result<Vec<Mistake>, DesignError> {
+    fn misses(&self, run: &RunFolder, classes: &[&str]) -> Vec<Mistake> {
         let missed = |window: &SeenWindow| -> Vec<Ranked> {
             let missed = window.truth.objects.iter().filter(|o| window.lost_at(o).is_some());
             missed.map(|o| (o.bbox.area(), o.bbox, o.class)).collect()
@@ -162,19 +158,19 @@ impl<'a> Seen<'a> {
     }
 
     /// The surest false alarms.
-    fn false_alarms(&self, run: &RunFolder, classes: &[&str]) -> Result<Vec<Mistake>, DesignError> {
+    fn false_alarms(&self, run: &RunFolder, classes: &[&str]) -> Vec<Mistake> {
         let alarms =
             |window: &SeenWindow| window.false_alarms().map(|d| (d.score, d.bbox, d.class)).collect();
         self.mistakes(run, alarms, |class, score| format!("{} {score:.2}", classes[class]))
     }
 
-    /// The mistakes of the highest rank, one of a window, with the pictures in which they are.
+    /// The mistakes of the highest rank, one of a window, with the pictures in which they are. Those whose picture is missing are left out.
     fn mistakes(
         &self,
         run: &RunFolder,
         of_window: impl Fn(&SeenWindow) -> Vec<Ranked>,
         title: impl Fn(usize, f32) -> String,
-    ) -> Result<Vec<Mistake>, DesignError> {
+    ) -> Vec<Mistake> {
         let first = |(number, window)| {
             let first = of_window(window).into_iter().rev().max_by(|a, b| a.0.total_cmp(&b.0))?;
             Some((number, first))
@@ -182,14 +178,13 @@ impl<'a> Seen<'a> {
         let mut firsts: Vec<(usize, Ranked)> = self.windows.iter().enumerate().filter_map(first).collect();
         firsts.sort_by(|(_, a), (_, b)| b.0.total_cmp(&a.0));
         let mistake = |(number, (rank, bbox, class)): (usize, Ranked)| {
-            let path = run.picture(&file_name(number, "output", Some(self.camera)));
-            Ok(Mistake {
-                picture_png: petzval_base::read_whole(&path).map_err(DesignError::io(&path))?,
+            Some(Mistake {
+                picture_png: whole_png(run, &file_name(number, "output", Some(self.camera)))?,
                 bbox: [bbox.x1, bbox.y1, bbox.x2, bbox.y2],
                 title: format!("{}, scene {}", title(class, rank), number + 1),
             })
         };
-        firsts.into_iter().take(MOST_MISTAKES).map(mistake).collect()
+        firsts.into_iter().filter_map(mistake).take(MOST_MISTAKES).collect()
     }
 }
 

@@ -98,6 +98,13 @@ impl Findings for SegmentFindings {
         self.scores.iter().filter_map(interval).collect()
     }
 
+    fn draws(&self) -> BTreeMap<String, Vec<Option<f64>>> {
+        let (frames, clusters) = (confusions(&self.frames), clusters(&self.frames));
+        let draws =
+            |score: &SegmentScore| (score.about.name.clone(), score.draws(&frames, &clusters, self.classes));
+        self.scores.iter().map(draws).collect()
+    }
+
     fn save(&self, folder: &Path) -> Result<(), DesignError> {
         segmented_frames::save(folder, &self.frames, &self.shown)
     }

@@ -167,7 +167,7 @@ impl Light {
     /// What the light gives, for a person.
     pub fn says(&self, request: &Request, conditions: &Conditions) -> String {
         let mut says = format!(
-            "white under {} lux of {} gives {:.0} electrons in {} at f/{:.2} and {} s",
+            "white under {} lux of {} gives {:.0} electrons in {} at f/{:.2} in {} s, times the relative illumination of the lens",
             (1e3 * conditions.lux).round() / 1e3,
             conditions.illuminant.name,
             self.white.white_e(),

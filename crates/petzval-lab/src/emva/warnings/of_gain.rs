@@ -18,6 +18,7 @@ pub fn gain_warnings(gain: &GainResult, flags: &GainFlags) -> Vec<Warning> {
     let mut warnings: Vec<Warning> = flags.frames.iter().flat_map(of_frames).collect();
     warnings.extend(dark_not_linear(linear_gain, &gain.dark));
     warnings.extend(flags.flats.iter().filter_map(of_signal));
+    warnings.extend(other_mosaic(gain, flags));
     let points = flags.with_signal().count();
     if (1..LEAST_POINTS).contains(&points) {
         warnings.push(Warning::TooFewPoints { linear_gain, points });
@@ -50,6 +51,13 @@ fn of_frames(flags: &FrameFlags) -> Vec<Warning> {
     let leak = flags.light_leak_dn.map(|difference_dn| Warning::LightLeak { point: point(), difference_dn });
     let uneven = flags.uneven_percent.map(|percent| Warning::NotUniform { point: point(), percent });
     [clipped, flicker, moved, leak, uneven].into_iter().flatten().collect()
+}
+
+/// Colour filters of another mosaic, by the point that shows them most. With stacks the test of the PRNU names them.
+fn other_mosaic(gain: &GainResult, flags: &GainFlags) -> Option<Warning> {
+    let percent = flags.frames.iter().filter_map(|f| f.other_filters_percent).reduce(f64::max)?;
+    let has_stacks = gain.channels.iter().any(|channel| channel.spatial.is_some());
+    (!has_stacks).then_some(Warning::OtherMosaic { linear_gain: gain.linear_gain, percent })
 }
 
 /// A flat point that is not used because of its dark frames.

@@ -27,6 +27,8 @@ pub fn series_warnings(
     warnings.extend(joint.rows.iter().filter_map(below_the_converter));
     warnings.extend(gains.iter().flat_map(not_linear));
     warnings.extend(full_well_differs(sensor, gains));
+    let rows = gains.iter().zip(&joint.rows);
+    warnings.extend(rows.filter_map(|(gain, row)| black_level_differs(gain, row, joint)));
     warnings.extend(hot_pixels(joint));
     warnings.extend(gains.iter().filter_map(bright_pixels));
     warnings.extend(gains.iter().flat_map(defect_pixels));
@@ -127,6 +129,23 @@ fn full_well_differs(sensor: &SensorFacts, gains: &[GainResult]) -> Option<Warni
         stated_e,
         measured_e,
         standard_error_e,
+    })
+}
+
+/// A stated black level that differs from the level of the dark frames by more than five standard deviations of their noise and 1 DN: the means of
+/// read noise and of the electronics are smaller.
+fn black_level_differs(gain: &GainResult, row: &GainRow, joint: &JointFit) -> Option<Warning> {
+    let stated_dn = joint.black_level_dn? + row.black_shift_dn;
+    let first = gain.dark.points.first()?;
+    let off = |level_dn: f64| (level_dn - stated_dn).abs();
+    // Light that leaks in tilts the line over exposure time, and dark current raises its first point: take the nearer of both.
+    let levels = row.dark_mean_dn.value().into_iter().chain([first.mean_dn]);
+    let measured_dn = levels.min_by(|a, b| off(*a).total_cmp(&off(*b)))?;
+    let noise_dn = first.variance_dn2.max(0.0).sqrt();
+    (off(measured_dn) > 5.0 * noise_dn + 1.0).then_some(Warning::BlackLevelDiffers {
+        linear_gain: row.linear_gain,
+        stated_dn,
+        measured_dn,
     })
 }
 

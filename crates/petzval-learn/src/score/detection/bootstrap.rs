@@ -63,11 +63,28 @@ pub struct Interval {
 /// ```
 pub fn bootstrap(how: &Bootstrap, score: impl Fn(&[u32]) -> Option<f64> + Sync) -> Option<Interval> {
     let value = score(&vec![1; how.clusters.len()])?;
+    let mut scores: Vec<f64> = drawn_scores(how, score).into_iter().flatten().collect();
+    let [low, high] = percentiles(&mut scores, how.confidence)?;
+    let n = scores.len() as f64;
+    let mean = scores.iter().sum::<f64>() / n;
+    let variance = scores.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+    Some(Interval {
+        value,
+        low,
+        high,
+        standard_error: variance.sqrt(),
+        above_zero: scores.iter().filter(|s| **s > 0.0).count() as f64 / n,
+    })
+}
+
+/// The scores of all draws of [`bootstrap`], in their order; none of a single cluster. Cameras that took the same scenes see the same draws, so that
+/// the differences of two such lists are those of the cameras.
+pub fn drawn_scores(how: &Bootstrap, score: impl Fn(&[u32]) -> Option<f64> + Sync) -> Vec<Option<f64>> {
     let mut names = how.clusters.clone();
     names.sort_unstable();
     names.dedup();
     if names.len() < 2 {
-        return None;
+        return Vec::new();
     }
     let members: Vec<usize> = how.clusters.iter().map(|c| names.partition_point(|name| name < c)).collect();
     let draw = |k: usize| {
@@ -80,22 +97,14 @@ pub fn bootstrap(how: &Bootstrap, score: impl Fn(&[u32]) -> Option<f64> + Sync) 
         let counts: Vec<u32> = members.iter().map(|cluster| drawn[*cluster]).collect();
         score(&counts)
     };
-    let mut scores: Vec<f64> = (0..how.draws).into_par_iter().filter_map(draw).collect();
+    (0..how.draws).into_par_iter().map(draw).collect()
+}
+
+/// The ends of the interval that holds a share of some scores, which are sorted; none without scores.
+pub fn percentiles(scores: &mut [f64], confidence: f64) -> Option<[f64; 2]> {
     scores.sort_by(f64::total_cmp);
-    let n = scores.len();
-    if n == 0 {
-        return None;
-    }
-    let mean = scores.iter().sum::<f64>() / n as f64;
-    let variance = scores.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / (n as f64 - 1.0).max(1.0);
-    let tail = 0.5 * (1.0 - how.confidence.clamp(0.0, 1.0));
-    Some(Interval {
-        value,
-        low: quantile(&scores, tail),
-        high: quantile(&scores, 1.0 - tail),
-        standard_error: variance.sqrt(),
-        above_zero: scores.iter().filter(|s| **s > 0.0).count() as f64 / n as f64,
-    })
+    let tail = 0.5 * (1.0 - confidence.clamp(0.0, 1.0));
+    (!scores.is_empty()).then(|| [quantile(scores, tail), quantile(scores, 1.0 - tail)])
 }
 
 /// A quantile of sorted values, linear between them.

@@ -25,7 +25,7 @@ mod ranking;
 mod state;
 mod summary;
 
-pub use bootstrap::{Bootstrap, Interval, bootstrap};
+pub use bootstrap::{Bootstrap, Interval, bootstrap, drawn_scores, percentiles};
 pub use curve::{Interpolation, PrecisionRecall};
 pub use group::Group;
 pub use of_data_set::{clusters_of, clusters_of_data_set, pictures_of_data_set};

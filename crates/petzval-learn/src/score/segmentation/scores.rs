@@ -1,7 +1,7 @@
 //! The scores of a segmentation by name.
 
 use super::PixelConfusion;
-use crate::score::{ScoreDescription, range_of};
+use crate::score::{ScoreDescription, draws_of, range_of};
 
 /// A figure of merit over all frames.
 #[derive(Clone, Debug, PartialEq)]
@@ -75,6 +75,12 @@ impl SegmentScore {
     ) -> Option<[f64; 2]> {
         let present = PixelConfusion::sum(classes, frames.iter().map(|frame| (frame, 1))).present();
         range_of(clusters, |counts| self.of_drawn(frames, counts, classes, &present))
+    }
+
+    /// The figure of every draw of [`interval`](Self::interval); see [`drawn_scores`](crate::score::detection::drawn_scores).
+    pub fn draws(&self, frames: &[PixelConfusion], clusters: &[usize], classes: usize) -> Vec<Option<f64>> {
+        let present = PixelConfusion::sum(classes, frames.iter().map(|frame| (frame, 1))).present();
+        draws_of(clusters, |counts| self.of_drawn(frames, counts, classes, &present))
     }
 
     /// The figure where each frame counts as often as `counts` says, and the mean is over the classes `present`.
