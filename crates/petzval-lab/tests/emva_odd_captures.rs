@@ -139,6 +139,16 @@ fn a_black_level_that_the_dark_frames_do_not_have_is_named_with_both() {
             "{stated}: {said:?}"
         );
     }
+    // A column of stuck pixels raises the mean of the dark frames by 50 DN, and is no black level.
+    set_list(folder.path(), &right);
+    for entry in std::fs::read_dir(folder.path().join("gain-1")).unwrap() {
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        if name.ends_with(".png") {
+            edit(folder.path(), &name, &|x, _, dn| if x == 40 { 4095 } else { dn });
+        }
+    }
+    let found = measured(folder.path()).unwrap();
+    assert!(messages(&found, "black-level-differs").is_empty(), "{:?}", found.warnings);
 }
 
 #[test]

@@ -1,7 +1,8 @@
 //! SI photometry of a pixel: from the radiance of a scene to the photons that a pixel collects.
 //!
 //! A lens that images by the sine condition has the cone `sin U' = 1 / (2 F)` at its f-number `F`. With the transmission `tau` it gives the
-//! irradiance `pi L tau / (4 F^2)` on the axis: that to which relative illuminations refer. A pixel of area `A` that is exposed for the time `t` collects, per nm,
+//! irradiance `pi L tau / (4 F^2)` on the axis: that to which relative illuminations refer. A pixel of area `A` that is exposed for the time
+//! `t` collects, per nm,
 //!
 //! ```text
 //! N(l) = L(l) A t pi / (4 F^2) tau(l) l / (h c)

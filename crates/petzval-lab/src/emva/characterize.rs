@@ -89,7 +89,7 @@ pub fn characterize(
     // Make the warnings from flags and results; no code reads them.
     let of_gain = |(gain, flags): (&GainResult, &GainFlags)| gain_warnings(gain, flags);
     let mut warnings: Vec<_> = gains.iter().zip(&flags).flat_map(of_gain).collect();
-    warnings.extend(series_warnings(&captures.sensor, &samples.flags(max_dn), &gains, &joint));
+    warnings.extend(series_warnings(&captures.sensor, &samples.flags(max_dn), &gains, &joint, &histograms));
     warnings.extend(histogram_fit.iter().flat_map(|fit| fit_warnings(fit.as_ref(), &joint)));
     let mut found = Characterization {
         sensor: captures.sensor.clone(),

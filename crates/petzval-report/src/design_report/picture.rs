@@ -128,9 +128,14 @@ fn in_words(role: Role) -> &'static str {
 
 /// Why a picture is shown, and what is gained in it: `Most gain: +4.1 dB against nominal`.
 fn reason(report: &Report, picture: &PictureView) -> Option<String> {
-    let role = in_words(picture.role?);
+    let role = picture.role?;
     let (standing, scores) = (Standing::of(report)?, report.held_out.get(picture.number)?);
     let gain = standing.gain_in(scores);
+    let role = match role {
+        Role::MostGain if gain < 0.0 => "Least loss",
+        Role::LeastGain if gain < 0.0 => "Most loss",
+        role => in_words(role),
+    };
     let about = standing.about();
     let gain = match scores.found.is_empty() {
         _ if !gain.is_finite() => return Some(role.to_owned()),
@@ -277,6 +282,19 @@ mod tests {
         assert!(!pictures(&report).into_string().contains("held-out pictures: by what"));
         report.pictures_in_all = 450;
         assert!(pictures(&report).into_string().contains("2 of 450 held-out pictures: by what is gained"));
+    }
+
+    #[test]
+    fn what_is_lost_is_no_gain() {
+        let mut report = sample::answered();
+        assert!(reason(&report, &report.pictures[0]).unwrap().starts_with("Most gain: +3.0"));
+        // The baseline has 3.5 dB more in this picture.
+        report.held_out[report.pictures[0].number].scores[0][1] += 3.5;
+        let said = reason(&report, &report.pictures[0]).unwrap();
+        assert!(said.starts_with("Least loss: \u{2212}0.5"), "{said}");
+        report.pictures[0].role = Some(Role::LeastGain);
+        let said = reason(&report, &report.pictures[0]).unwrap();
+        assert!(said.starts_with("Most loss: \u{2212}0.5"), "{said}");
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Warnings about all gains of a series together.
 
-use crate::emva::captures::SensorFacts;
+use crate::emva::captures::{Kind, SensorFacts};
+use crate::emva::counts::PointHistogram;
 use crate::emva::joint::{GainRow, JointFit};
 use crate::emva::measured::Measured;
 use crate::emva::result::{ChannelResult, GainResult};
@@ -17,6 +18,7 @@ pub fn series_warnings(
     converter: &ConverterFlags,
     gains: &[GainResult],
     joint: &JointFit,
+    histograms: &[PointHistogram],
 ) -> Vec<Warning> {
     let mut warnings = of_converter(converter);
     warnings.extend(not_proportional(joint));
@@ -28,7 +30,7 @@ pub fn series_warnings(
     warnings.extend(gains.iter().flat_map(not_linear));
     warnings.extend(full_well_differs(sensor, gains));
     let rows = gains.iter().zip(&joint.rows);
-    warnings.extend(rows.filter_map(|(gain, row)| black_level_differs(gain, row, joint)));
+    warnings.extend(rows.filter_map(|(gain, row)| black_level_differs(gain, row, joint, histograms)));
     warnings.extend(hot_pixels(joint));
     warnings.extend(gains.iter().filter_map(bright_pixels));
     warnings.extend(gains.iter().flat_map(defect_pixels));
@@ -134,19 +136,29 @@ fn full_well_differs(sensor: &SensorFacts, gains: &[GainResult]) -> Option<Warni
 
 /// A stated black level that differs from the level of the dark frames by more than five standard deviations of their noise and 1 DN: the means of
 /// read noise and of the electronics are smaller.
-fn black_level_differs(gain: &GainResult, row: &GainRow, joint: &JointFit) -> Option<Warning> {
+fn black_level_differs(
+    gain: &GainResult,
+    row: &GainRow,
+    joint: &JointFit,
+    histograms: &[PointHistogram],
+) -> Option<Warning> {
     let stated_dn = joint.black_level_dn? + row.black_shift_dn;
     let first = gain.dark.points.first()?;
     let off = |level_dn: f64| (level_dn - stated_dn).abs();
     // Light that leaks in tilts the line over exposure time, and dark current raises its first point: take the nearer of both.
     let levels = row.dark_mean_dn.value().into_iter().chain([first.mean_dn]);
     let measured_dn = levels.min_by(|a, b| off(*a).total_cmp(&off(*b)))?;
-    let noise_dn = first.variance_dn2.max(0.0).sqrt();
-    (off(measured_dn) > 5.0 * noise_dn + 1.0).then_some(Warning::BlackLevelDiffers {
-        linear_gain: row.linear_gain,
-        stated_dn,
-        measured_dn,
-    })
+    let limit_dn = 5.0 * first.variance_dn2.max(0.0).sqrt() + 1.0;
+    // Stuck pixels raise means, not medians.
+    let median_is_off = |shortest: &PointHistogram| {
+        let median_dn = f64::from(shortest.counts.quantile_dn(0.5));
+        let current_dn = gain.dark.mean.slope.value().unwrap_or(0.0) * shortest.exposure_s;
+        [median_dn, median_dn - current_dn].into_iter().all(|level_dn| off(level_dn) > limit_dn)
+    };
+    let darks = histograms.iter().filter(|h| h.kind == Kind::Dark && h.linear_gain == row.linear_gain);
+    let shortest = darks.min_by(|a, b| a.exposure_s.total_cmp(&b.exposure_s));
+    (off(measured_dn) > limit_dn && shortest.is_none_or(median_is_off))
+        .then_some(Warning::BlackLevelDiffers { linear_gain: row.linear_gain, stated_dn, measured_dn })
 }
 
 /// Dark current from the mean and from its shot noise, if they differ by more than five standard errors, 10 %, and the part
