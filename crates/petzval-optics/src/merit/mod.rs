@@ -91,9 +91,9 @@ pub trait Merit: Send + Sync {
         self.value(lens).map(|value| (value, None))
     }
 
-    /// The rays by whose places, about the centroids of their fields, it sees a lens; `None` if it sees something else. They lend their
-    /// curvature to a merit that is a single figure, see [`lifted_normal_equations`].
-    fn rays(&self, _lens: &Lens) -> Option<SpotResiduals> {
+    /// The fields, rad, and their shares, if it sees a lens by where the rays of these fields land about their centroids; `None` if it sees
+    /// something else. These rays lend their curvature to a merit that is a single figure, see [`lifted_normal_equations`].
+    fn fields_of_rays(&self, _lens: &Lens) -> Option<Vec<(f64, f64)>> {
         None
     }
 

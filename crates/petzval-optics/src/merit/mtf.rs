@@ -8,11 +8,11 @@ use std::f64::consts::{PI, TAU};
 
 use rustfft::num_complex::Complex64;
 
-use super::{Better, FieldRays, FieldSet, Merit, SpotResiduals};
+use super::{Better, FieldRays, FieldSet, Merit};
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::psf::{PsfCotangent, PsfKind, PsfOptions, psf_with_tape};
-use crate::pupil::{PupilSampling, Quadrature};
+use crate::pupil::Quadrature;
 use crate::trace::Sequence;
 use crate::wave::Overlap;
 
@@ -185,15 +185,7 @@ impl Merit for Mtf {
     }
 
     /// By waves too: contrast falls with the variance of the slopes of the wavefront, which are places on the image.
-    fn rays(&self, lens: &Lens) -> Option<SpotResiduals> {
-        let (fields_rad, field_weights) = self.fields.seen(lens).into_iter().unzip();
-        Some(SpotResiduals {
-            fields_rad,
-            field_weights,
-            wavelengths_um: lens.wavelengths_um.clone(),
-            sampling: PupilSampling::Degree(6),
-            // Every field has its weight, whatever its spot.
-            power: 2.0,
-        })
+    fn fields_of_rays(&self, lens: &Lens) -> Option<Vec<(f64, f64)>> {
+        Some(self.fields.seen(lens))
     }
 }

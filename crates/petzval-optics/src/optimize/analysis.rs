@@ -7,10 +7,10 @@ use crate::constraint::{ClearRadii, Constraint, SemiDiameters};
 use crate::design_space::{DesignSpace, DesignSpaceError, Mapped};
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
-use crate::merit::{Beams, Landings, Lost, MOUNT_MM, Reach, Seen, lifted_normal_equations};
+use crate::merit::{Beams, Landings, Lost, MOUNT_MM, Reach, Seen, SpotResiduals, lifted_normal_equations};
 use crate::number::Number;
 use crate::paraxial::first_order;
-use crate::pupil::{PupilRefinement, Quadrature};
+use crate::pupil::{PupilRefinement, PupilSampling, Quadrature};
 use crate::solve::with_best_focus;
 use crate::spot::spot_converged;
 
@@ -323,7 +323,15 @@ fn lifted_hessian(
     mapped: &Mapped,
     numbers: &[(usize, Number)],
 ) -> Option<DMatrix<f64>> {
-    let rays = goal.merit.rays(&mapped.lens)?;
+    let (fields_rad, field_weights) = goal.merit.fields_of_rays(&mapped.lens)?.into_iter().unzip();
+    let rays = SpotResiduals {
+        fields_rad,
+        field_weights,
+        wavelengths_um: mapped.lens.wavelengths_um.clone(),
+        sampling: PupilSampling::Degree(6),
+        // Every field has its weight, whatever its spot.
+        power: 2.0,
+    };
     let seen = Seen { rays: &rays, places: false, light: &[] };
     let by_square = by_lens.scaled(2.0 * residual_um * goal.weight_um);
     let gram = lifted_normal_equations(seen, &mapped.lens, numbers, residual_um * residual_um, &by_square)?;
