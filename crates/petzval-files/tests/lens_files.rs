@@ -579,7 +579,7 @@ fn an_entrance_pupil_at_infinity_is_refused_with_the_numbers_of_one_far_away() {
         words[at + 1]
     };
     let stated = [after("=", 0), after("and", 0), after("=", 1)];
-    let lens = parse_lens(&text(stated), &Catalog::default()).unwrap().file.lens;
+    let lens = parse_lens(&text(stated), &Catalog::default()).unwrap().lens;
     let order = first_order(&lens.at_wavelength(lens.reference_um));
     assert!((order.stop_radius_mm.abs() - 4.0).abs() < 1e-4, "{stated:?}: {}", order.stop_radius_mm);
     assert!(order.entrance_pupil_at_mm.abs() > 1e7);
