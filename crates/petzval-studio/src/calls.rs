@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use crate::folder::{Folder, inline_experiment};
 use crate::frames;
-use crate::message::{MakeCall, Outgoing, refusal};
+use crate::message::{MakeCall, Outgoing, Packed, refusal};
 use crate::more_jobs::made;
 use crate::outbox::Outbox;
 use crate::processes::Processes;
@@ -65,7 +65,7 @@ impl Calls {
         uploads: &Uploads,
         page: &Outbox,
     ) -> Result<(), Box<ErrorReport>> {
-        let MakeCall { id, job, mut request, live, overwrite, process } = call;
+        let MakeCall { id, job, mut request, live, overwrite, bytes, process } = call;
         if let Some(path) = self.folder.way_out(&request) {
             let hint = format!("name files in {}, by their paths in it", self.folder.path().display());
             return Err(refusal(format!("{path}: this path leads out of the folder of the studio"), &hint));
@@ -92,10 +92,10 @@ impl Calls {
                 Some(pool) => pool.install(|| made(call, &context)),
                 None => made(call, &context),
             };
-            let text = answer(id, ended.as_ref());
+            let frame = answer(id, ended, &bytes);
             // The channel is free before its page knows: it may send the next call at once.
             calls.lock().unwrap_or_else(PoisonError::into_inner).remove(&id);
-            page.send(&text);
+            page.send_frame(frame);
         };
         let begun = std::thread::Builder::new().name("studio job".to_owned()).spawn(work);
         begun.map(|_| ()).map_err(|error| {
@@ -105,11 +105,14 @@ impl Calls {
     }
 }
 
-/// The last message of a call.
-fn answer(id: u64, ended: Result<&Value, &JobError>) -> String {
+/// The last message of a call, with bytes for these keys of its response.
+fn answer(id: u64, ended: Result<Value, JobError>, bytes: &[String]) -> Vec<u8> {
     match ended {
-        Ok(response) => Outgoing::Response { id, response }.text(),
-        Err(error) => Outgoing::Error { id: Some(id), error: &error.report() }.text(),
+        Ok(mut response) => match Packed::new(id, &mut response, bytes) {
+            Some(Packed { payload }) => frames::bytes(&payload),
+            None => frames::text(&Outgoing::Response { id, response: &response }.text()),
+        },
+        Err(error) => frames::text(&Outgoing::Error { id: Some(id), error: &error.report() }.text()),
     }
 }
 

@@ -98,6 +98,11 @@ pub fn text(text: &str) -> Vec<u8> {
     frame(TEXT, text.as_bytes())
 }
 
+/// A message of bytes.
+pub fn bytes(bytes: &[u8]) -> Vec<u8> {
+    frame(BINARY, bytes)
+}
+
 /// A ping.
 pub fn ping() -> Vec<u8> {
     frame(PING, &[])

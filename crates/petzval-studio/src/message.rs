@@ -1,5 +1,7 @@
 //! What page and server say to each other over the WebSocket.
 
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use petzval_jobs::{ErrorReport, Event};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
@@ -39,6 +41,9 @@ pub struct MakeCall {
     /// Overwrite results that are there already.
     #[serde(default)]
     pub overwrite: bool,
+    /// Keys of the response whose texts of base64 are to come as bytes, see [`Packed`].
+    #[serde(default)]
+    pub bytes: Vec<String>,
     /// Make it in a process of its own, which goes on when the page or the studio ends. The answer names its log.
     #[serde(default)]
     pub process: bool,
@@ -86,6 +91,36 @@ impl Outgoing<'_> {
     }
 }
 
+/// A response with bytes behind it, for what is large: the length of its message as a number of 32 bits, the lowest byte first; the message; and the
+/// bytes. In the message, each value that came as bytes is where these begin behind it, and how many they are.
+pub struct Packed {
+    /// All of it, as one message of bytes.
+    pub payload: Vec<u8>,
+}
+
+impl Packed {
+    /// The response of a call, of which the texts of these keys are base64. Keys that hold something else stay as they are; none where no key holds
+    /// such a text.
+    pub fn new(id: u64, response: &mut Value, keys: &[String]) -> Option<Self> {
+        let mut behind = Vec::new();
+        for key in keys {
+            let Some(value) = response.get_mut(key) else { continue };
+            let Some(bytes) = value.as_str().and_then(|text| STANDARD.decode(text).ok()) else { continue };
+            *value = serde_json::json!([behind.len(), bytes.len()]);
+            behind.extend(bytes);
+        }
+        if behind.is_empty() {
+            return None;
+        }
+        let text = Outgoing::Response { id, response }.text();
+        let mut payload = Vec::with_capacity(4 + text.len() + behind.len());
+        payload.extend((text.len() as u32).to_le_bytes());
+        payload.extend(text.as_bytes());
+        payload.extend(behind);
+        Some(Self { payload })
+    }
+}
+
 /// The report of a call that was not made.
 pub fn refusal(message: impl Into<String>, hint: &str) -> Box<ErrorReport> {
     Box::new(ErrorReport {
@@ -100,6 +135,23 @@ pub fn refusal(message: impl Into<String>, hint: &str) -> Box<ErrorReport> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn texts_of_base64_travel_as_bytes_behind_the_message() {
+        let mut response = serde_json::json!({"rgb": "AAEC/w==", "raw": null, "width": 2, "more": "Bwg="});
+        let keys = ["rgb", "raw", "none", "width", "more"].map(str::to_owned);
+        let Packed { payload } = Packed::new(7, &mut response, &keys).unwrap();
+        let length = u32::from_le_bytes(payload[..4].try_into().unwrap()) as usize;
+        let (message, behind) = payload[4..].split_at(length);
+        let message: Value = serde_json::from_slice(message).unwrap();
+        let expected = serde_json::json!({"rgb": [0, 4], "raw": null, "width": 2, "more": [4, 2]});
+        assert_eq!(message, serde_json::json!({"id": 7, "response": expected}));
+        assert_eq!(behind, [0, 1, 2, 255, 7, 8]);
+        // Nothing of it is base64.
+        let mut response = serde_json::json!({"rgb": "no base64", "raw": null});
+        assert!(Packed::new(7, &mut response, &keys).is_none());
+        assert_eq!(response, serde_json::json!({"rgb": "no base64", "raw": null}));
+    }
 
     #[test]
     fn a_message_is_a_call_or_its_end() {

@@ -20,7 +20,12 @@ impl Outbox {
 
     /// Sends a message as soon as there is room; a page that is gone takes none.
     pub fn send(&self, text: &str) {
-        let _gone = self.0.send(frames::text(text));
+        self.send_frame(frames::text(text));
+    }
+
+    /// Sends a frame as soon as there is room.
+    pub fn send_frame(&self, frame: Vec<u8>) {
+        let _gone = self.0.send(frame);
     }
 
     /// Sends a frame if there is room.

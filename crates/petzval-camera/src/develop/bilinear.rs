@@ -33,12 +33,37 @@ pub fn demosaic_bilinear(
     let mut out = LinearImage::zeros(CHANNELS, height, width);
     out.data.par_chunks_exact_mut(width).enumerate().for_each(|(line, values)| {
         let (channel, row) = (line / height, line % height);
-        for (col, value) in values.iter_mut().enumerate() {
+        // The outermost pixels mirror.
+        for col in [0, width - 1] {
             let (count, near) = neighbours(cfa, placement, channel, row, col, height, width);
-            *value = near[..count].iter().map(|&i| mosaic[i]).sum::<f32>() / count as f32;
+            values[col] = near[..count].iter().map(|&i| mosaic[i]).sum::<f32>() / count as f32;
+        }
+        let line = |step| &mosaic[mirror(row, step, height) * width..][..width];
+        let lines = [line(-1), &mosaic[row * width..][..width], line(1)];
+        // The array repeats every two pixels.
+        for first in [1, 2] {
+            fill(values, first, lines, Near::of(cfa, placement, channel, row, first));
         }
     });
     Ok(out)
+}
+
+/// The means of every second pixel of a row from `first` on, except the outermost, of the mosaic's row and those above and below.
+fn fill(values: &mut [f32], first: usize, [above, here, below]: [&[f32]; 3], near: Near) {
+    let columns = (first..values.len() - 1).step_by(2);
+    match near {
+        Near::Here => columns.for_each(|c| values[c] = here[c]),
+        Near::Edges => {
+            columns.for_each(|c| values[c] = (above[c] + here[c - 1] + here[c + 1] + below[c]) / 4.0);
+        }
+        Near::Row => columns.for_each(|c| values[c] = (here[c - 1] + here[c + 1]) / 2.0),
+        Near::Column => columns.for_each(|c| values[c] = (above[c] + below[c]) / 2.0),
+        Near::Corners => {
+            columns.for_each(|c| {
+                values[c] = (above[c - 1] + above[c + 1] + below[c - 1] + below[c + 1]) / 4.0;
+            });
+        }
+    }
 }
 
 /// Transpose of [`demosaic_bilinear`]: from the cotangent of the picture to the cotangent of the mosaic.
@@ -76,6 +101,46 @@ pub fn demosaic_bilinear_adjoint(
     Ok(red.iter().zip(green).zip(blue).map(|((r, g), b)| r + g + b).collect())
 }
 
+/// Where the pixels lie whose mean gives a colour at a pixel of a Bayer array.
+#[derive(Clone, Copy)]
+enum Near {
+    /// The pixel itself.
+    Here,
+    /// Its four edge neighbours.
+    Edges,
+    /// Its two neighbours in the row.
+    Row,
+    /// Its two neighbours in the column.
+    Column,
+    /// Its four corner neighbours.
+    Corners,
+}
+
+impl Near {
+    fn of(cfa: CfaPattern, placement: Placement, channel: usize, row: usize, col: usize) -> Self {
+        let colour =
+            |dr: usize, dc: usize| cfa.colour(placement.row + row + dr, placement.col + col + dc).plane();
+        let channel = Some(channel);
+        // The pattern repeats every two pixels, so the neighbours on both sides have the same colour.
+        match () {
+            () if colour(0, 0) == channel => Self::Here,
+            () if channel == Some(1) => Self::Edges,
+            () if colour(0, 1) == channel => Self::Row,
+            () if colour(1, 0) == channel => Self::Column,
+            () => Self::Corners,
+        }
+    }
+}
+
+/// The row or column one step from `i`, of `len`; borders mirror about the outermost pixel.
+fn mirror(i: usize, step: isize, len: usize) -> usize {
+    match (i, step) {
+        (0, -1) => 1,
+        (i, 1) if i + 1 == len => len - 2,
+        (i, step) => i.wrapping_add_signed(step),
+    }
+}
+
 /// The pixels whose mean gives `channel` at `(row, col)`: their number, and their indices in the mosaic.
 fn neighbours(
     cfa: CfaPattern,
@@ -86,26 +151,13 @@ fn neighbours(
     height: usize,
     width: usize,
 ) -> (usize, [usize; 4]) {
-    let mirror = |i: usize, step: isize, len: usize| match (i, step) {
-        (0, -1) => 1,
-        (i, 1) if i + 1 == len => len - 2,
-        (i, step) => i.wrapping_add_signed(step),
-    };
     let at = |dr: isize, dc: isize| mirror(row, dr, height) * width + mirror(col, dc, width);
-    let colour =
-        |dr: usize, dc: usize| cfa.colour(placement.row + row + dr, placement.col + col + dc).plane();
-    let channel = Some(channel);
-    // The pattern repeats every two pixels, so the neighbours on both sides have the same colour.
-    if colour(0, 0) == channel {
-        (1, [at(0, 0), 0, 0, 0])
-    } else if channel == Some(1) {
-        (4, [at(-1, 0), at(0, -1), at(0, 1), at(1, 0)])
-    } else if colour(0, 1) == channel {
-        (2, [at(0, -1), at(0, 1), 0, 0])
-    } else if colour(1, 0) == channel {
-        (2, [at(-1, 0), at(1, 0), 0, 0])
-    } else {
-        (4, [at(-1, -1), at(-1, 1), at(1, -1), at(1, 1)])
+    match Near::of(cfa, placement, channel, row, col) {
+        Near::Here => (1, [at(0, 0), 0, 0, 0]),
+        Near::Edges => (4, [at(-1, 0), at(0, -1), at(0, 1), at(1, 0)]),
+        Near::Row => (2, [at(0, -1), at(0, 1), 0, 0]),
+        Near::Column => (2, [at(-1, 0), at(1, 0), 0, 0]),
+        Near::Corners => (4, [at(-1, -1), at(-1, 1), at(1, -1), at(1, 1)]),
     }
 }
 

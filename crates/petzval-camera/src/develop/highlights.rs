@@ -53,7 +53,15 @@ pub(crate) fn clip_levels_dn(
     let levels = Colour::ALL.map(level);
     let Placement { row, col } = capture.placement;
     let of = |i: usize| levels[sensor.cfa.colour(row + i / width, col + i % width) as usize];
-    Ok((0..height * width).map(of).collect())
+    // Rows repeat with the array.
+    let period = sensor.cfa.rows().min(height);
+    let mut all: Vec<f32> = Vec::with_capacity(height * width);
+    all.extend((0..period * width).map(of));
+    for row in period..height {
+        let same = (row - period) * width;
+        all.extend_from_within(same..same + width);
+    }
+    Ok(all)
 }
 
 /// Share (0..1) of the pixels that are saturated.

@@ -82,10 +82,16 @@ fn balanced_mosaic(raw: &Raw, sensor: &SensorModel) -> Result<Vec<f32>, SensorEr
     let dark = dark_mean_dn(sensor, &raw.capture.exposure);
     let scale = light_per_dn(sensor, &raw.capture.exposure);
     let placement = raw.capture.placement;
+    let (width, period) = (raw.width.max(1), sensor.cfa.cols());
     let mut mosaic = vec![0.0f32; n];
-    for (i, (value, dn)) in mosaic.iter_mut().zip(&raw.dn).enumerate() {
-        let colour = sensor.cfa.colour(placement.row + i / raw.width, placement.col + i % raw.width);
-        *value = ((*dn as f64 - dark) * scale[colour as usize]) as f32;
+    for (row, (values, dn)) in mosaic.chunks_mut(width).zip(raw.dn.chunks(width)).enumerate() {
+        let of = |col| scale[sensor.cfa.colour(placement.row + row, placement.col + col) as usize];
+        let scales: Vec<f64> = (0..period).map(of).collect();
+        for (values, dn) in values.chunks_mut(period).zip(dn.chunks(period)) {
+            for ((value, dn), scale) in values.iter_mut().zip(dn).zip(&scales) {
+                *value = ((f64::from(*dn) - dark) * scale) as f32;
+            }
+        }
     }
     Ok(mosaic)
 }

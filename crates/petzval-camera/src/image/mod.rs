@@ -3,10 +3,12 @@
 //! Every stage before the display works on [`LinearImage`]; only files and image-quality scores see sRGB-encoded values
 //! ([`srgb_encode`], [`srgb_decode`]).
 
+mod display;
 mod place;
 mod point_values;
 mod srgb;
 
+pub use display::{display_bytes, spread};
 pub(crate) use srgb::SRGB_TOE;
 pub use srgb::{srgb_decode, srgb_encode};
 

@@ -6,7 +6,7 @@ use burn::prelude::*;
 use rayon::prelude::*;
 
 use super::kernel::{Kernel, View, apply};
-use super::picture;
+use super::{joined, picture};
 use crate::develop::{Interpolation, check_colours, develop_by, develop_by_adjoint};
 use crate::image::{CHANNELS, LinearImage};
 use crate::sensor::{Capture, Raw, SensorError, SensorModel};
@@ -82,7 +82,7 @@ impl Kernel for DevelopKernel {
                 .data
         };
         let pictures: Vec<Vec<f32>> = self.captures.par_iter().enumerate().map(one).collect();
-        (pictures.concat(), self.shape.to_vec())
+        (joined(pictures), self.shape.to_vec())
     }
 
     fn backward(&self, inputs: &[View<'_>], _: &[f32], gradient: &[f32], _: &[bool]) -> Vec<Vec<f32>> {

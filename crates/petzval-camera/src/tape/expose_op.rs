@@ -6,7 +6,7 @@ use burn::prelude::*;
 use rayon::prelude::*;
 
 use super::kernel::{Kernel, View, apply};
-use super::picture;
+use super::{joined, picture};
 use crate::image::{CHANNELS, LinearImage};
 use crate::sensor::{
     Capture, Noise, SensorError, SensorModel, check_capture, expose_checked, expose_tracked,
@@ -89,7 +89,7 @@ impl Kernel for ExposeKernel {
                 expose_checked(light, &self.sensor, capture, &self.noise).dn
             })
         };
-        (dn.concat(), self.shape.to_vec())
+        (joined(dn), self.shape.to_vec())
     }
 
     fn backward(&self, inputs: &[View<'_>], _: &[f32], gradient: &[f32], _: &[bool]) -> Vec<Vec<f32>> {

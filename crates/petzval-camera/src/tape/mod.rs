@@ -39,6 +39,14 @@ pub fn on_device(picture: &LinearImage, device: &Device) -> Tensor<4> {
     Tensor::from_data(TensorData::new(picture.data.clone(), shape), device)
 }
 
+/// The pictures of a batch behind each other; a single one is handed on as it is.
+fn joined(mut pictures: Vec<Vec<f32>>) -> Vec<f32> {
+    match pictures.len() {
+        1 => pictures.pop().unwrap_or_default(),
+        _ => pictures.concat(),
+    }
+}
+
 /// Picture `index` of a batch of pictures with `channels` planes.
 fn picture(batch: &[f32], index: usize, channels: usize, height: usize, width: usize) -> LinearImage {
     let n = channels * height * width;

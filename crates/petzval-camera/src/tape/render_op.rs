@@ -6,7 +6,7 @@ use burn::prelude::*;
 use rayon::prelude::*;
 
 use super::kernel::{Kernel, View, apply};
-use super::picture;
+use super::{joined, picture};
 use crate::image::{CHANNELS, LinearImage};
 use crate::psf::PsfLayout;
 use crate::render::{
@@ -94,7 +94,7 @@ impl Kernel for RenderKernel {
         let render =
             |s: &PlacedScene| render_kernels(&self.geometry, &kernels, &s.scene, s.placement).expect(CHECKED);
         let pictures: Vec<LinearImage> = self.scenes.par_iter().map(render).collect();
-        (pictures.into_iter().flat_map(|p| p.data).collect(), self.shape.to_vec())
+        (joined(pictures.into_iter().map(|p| p.data).collect()), self.shape.to_vec())
     }
 
     fn backward(&self, inputs: &[View<'_>], _: &[f32], gradient: &[f32], wanted: &[bool]) -> Vec<Vec<f32>> {
@@ -161,7 +161,7 @@ impl Kernel for IlluminationKernel {
         let map = |p: &Placement| {
             illumination_map(&self.geometry, &self.layout, table, *p, height, width).expect(CHECKED).data
         };
-        (self.placements.iter().flat_map(map).collect(), self.shape.to_vec())
+        (joined(self.placements.iter().map(map).collect()), self.shape.to_vec())
     }
 
     fn backward(&self, inputs: &[View<'_>], _: &[f32], gradient: &[f32], wanted: &[bool]) -> Vec<Vec<f32>> {

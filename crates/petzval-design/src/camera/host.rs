@@ -7,7 +7,7 @@ use crate::error::DesignError;
 
 /// The values of a tensor on the host.
 pub fn to_host<const D: usize>(tensor: Tensor<D>) -> Result<Vec<f32>, DesignError> {
-    tensor.detach().into_data().try_to_vec::<f32>().map_err(|e| DesignError::Device(format!("{e:?}")))
+    tensor.detach().into_data().try_into_vec::<f32>().map_err(|e| DesignError::Device(format!("{e:?}")))
 }
 
 /// Finished pictures as they are stored: within 0 to 1. Fails if a value is no finite number, which the limits would hide or a file show as

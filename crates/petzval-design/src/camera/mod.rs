@@ -162,6 +162,16 @@ impl Optics {
     }
 }
 
+/// A shot up to its development, before anything finishes it.
+pub struct Developed {
+    /// Digital numbers of the mosaic, `[1, 1, height, width]`.
+    pub raw: Tensor<4>,
+    /// Relative illumination of the pixels that development corrects for, `[1, 3, height, width]`.
+    pub illumination: Tensor<4>,
+    /// Linear light, `[1, 3, height, width]`, 1 = white.
+    pub picture: Tensor<4>,
+}
+
 /// What a camera makes of raw frames.
 struct Processed {
     /// Linear light, `[batch, 3, height, width]`.
@@ -406,10 +416,36 @@ impl Camera {
         shots: &[Shot],
         noise: &Noise,
     ) -> Result<Frames, DesignError> {
-        // The lens spreads every point by the PSF of its place and dims it off the axis.
-        let (irradiance, own_illumination) = self.image(&leaves.own, shots)?;
+        let (known, light) = self.light_of(leaves, shots)?;
         let captures: Vec<Capture> = shots.iter().map(|s| self.capture(s)).collect();
         let kept: Vec<Window> = shots.iter().map(|s| self.kept(s)).collect();
+        let frames = self.expose(known, light, &captures, &kept, noise)?;
+        // The picture is thrown away where the detector does not see it: simple, and no slower than the other cameras.
+        Ok(match self.sees {
+            DetectorInput::Picture => frames,
+            DetectorInput::Truth => Frames { finished: self.truths(shots)?, ..frames },
+        })
+    }
+
+    /// Takes one shot, and develops it, whatever finishes the pictures of this camera.
+    pub fn developed(&self, shot: &Shot, noise: &Noise) -> Result<Developed, DesignError> {
+        let (leaves, shots) = (self.leaves(|leaves| leaves), std::slice::from_ref(shot));
+        let (_, [irradiance, illumination]) = self.light_of(&leaves, shots)?;
+        let (captures, kept) = ([self.capture(shot)], [self.kept(shot)]);
+        let raw = expose_op(irradiance, &self.body.sensor, &captures, noise)?;
+        let picture = self.develop(raw.clone(), illumination.clone(), &captures)?;
+        let cut = |frames: Tensor<4>| cut(frames, &captures, &kept);
+        Ok(Developed { raw: cut(raw), illumination: cut(illumination), picture: cut(picture) })
+    }
+
+    /// The light of shots on the pixels and the relative illumination that development corrects, with the PSFs that it knows.
+    fn light_of<'a>(
+        &self,
+        leaves: &'a OpticsLeaves,
+        shots: &[Shot],
+    ) -> Result<(&'a PsfLeaves, [Tensor<4>; 2]), DesignError> {
+        // The lens spreads every point by the PSF of its place and dims it off the axis.
+        let (irradiance, own_illumination) = self.image(&leaves.own, shots)?;
         // Development knows the lens, or takes it for another.
         let (known, illumination) = match (&self.taken_for, &leaves.taken_for) {
             (Some(optics), Some(psfs)) => {
@@ -419,12 +455,7 @@ impl Camera {
             }
             _ => (&leaves.own, own_illumination),
         };
-        let frames = self.expose(known, [irradiance, illumination], &captures, &kept, noise)?;
-        // The picture is thrown away where the detector does not see it: simple, and no slower than the other cameras.
-        Ok(match self.sees {
-            DetectorInput::Picture => frames,
-            DetectorInput::Truth => Frames { finished: self.truths(shots)?, ..frames },
-        })
+        Ok((known, [irradiance, illumination]))
     }
 
     /// Takes one frame of light that lies on the pixels already, such as light that was simulated over the spectrum; three

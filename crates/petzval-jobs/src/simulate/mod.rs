@@ -1,7 +1,6 @@
 //! `simulate`: photographs and scenes through a lens onto a sensor.
 
 mod chip;
-mod display;
 mod frame;
 mod highlights;
 mod memory;

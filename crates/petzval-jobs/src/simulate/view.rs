@@ -9,12 +9,12 @@ use std::sync::Arc;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use petzval_camera::develop::{LinearIsp, saturated_share};
-use petzval_camera::image::{CHANNELS, LinearImage};
+use petzval_camera::image::{CHANNELS, LinearImage, display_bytes, spread};
 use petzval_camera::isp::{Mesh, RawInput};
 use petzval_camera::render::{Placement, RenderGeometry, Window, kernel_radius, with_patches_for};
-use petzval_camera::sensor::{Colour, Exposure, SensorModel};
+use petzval_camera::sensor::{Colour, Exposure, Raw, SensorModel};
 use petzval_camera::spectral::{Illuminant, SceneKind, apply, d65_white, xyz_of_reflectance};
-use petzval_design::camera::{Body, Camera, Labels, PsfSource, Psfs, Shot};
+use petzval_design::camera::{Body, Camera, Labels, PsfSource, Psfs, Shot, host_image, to_host};
 use petzval_design::error::DesignError;
 use petzval_design::experiment::PsfConfig;
 use petzval_design::lens::psf_plan::PsfPlan;
@@ -27,11 +27,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::chip::{MESH, picture};
-use super::display::display_bytes;
 use super::highlights::{Saturation, default_white_e};
 use super::request::scene_name;
 use super::rig::{coarse_patches, coarse_pupil};
-use super::shot::{Taken, noise};
+use super::shot::noise;
 use crate::context::Context;
 use crate::error::JobError;
 use crate::event::WarningKind;
@@ -215,21 +214,24 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         labels: Labels::default(),
         follows_light: true,
     };
-    let frames = kept.camera.take(std::slice::from_ref(&shot), &noise(&simulated))?;
-    let taken = Taken::new(&frames, kept.camera.capture(&shot))?;
-    let share = saturated_share(&taken.raw, &sensor);
+    let taken = kept.camera.developed(&shot, &noise(&simulated))?;
+    let [_, _, height, width] = taken.raw.dims();
+    let mosaic = Raw { height, width, dn: to_host(taken.raw)?, capture: kept.camera.capture(&shot) };
+    let share = saturated_share(&mosaic, &sensor);
     let display_white = Saturation::of(&simulated, &sensor, white_e, share)?.display_white();
     let rgb = match &request.isp {
-        Some(name) => by_isp(name, &request.set, &taken, &sensor, context)?,
-        None => display_bytes(&taken.developed, display_white),
+        Some(name) => {
+            by_isp(name, &request.set, (&mosaic, &host_image(taken.illumination)?), &sensor, context)?
+        }
+        None => display_bytes(&host_image(taken.picture)?, display_white),
     };
-    let raw = raw_bytes(&taken, &sensor);
+    let raw = raw_bytes(&mosaic, &sensor);
     let middle = [window.placement.row + window.height / 2, window.placement.col + window.width / 2];
     let image_radius_mm = body.geometry.radius_mm(middle[0], middle[1]);
     Ok(Response {
         height: window.height,
         width: window.width,
-        histogram: Histogram { raw: counted(raw.iter().copied()), developed: counted_by_colour(&rgb) },
+        histogram: Histogram { raw: spread(&raw, 1, BINS).concat(), developed: spread(&rgb, CHANNELS, BINS) },
         rgb: STANDARD.encode(rgb),
         raw: request.raw.then(|| STANDARD.encode(raw)),
         placement: [window.placement.row, window.placement.col],
@@ -454,34 +456,11 @@ fn signal_to_noise(sensor: &SensorModel, exposure: &Exposure, light: f64) -> f64
     colours.iter().map(of_colour).sum::<f64>() / colours.len().max(1) as f64
 }
 
-/// How many values of 8 bits lie in each bin.
-fn counted(values: impl Iterator<Item = u8>) -> Vec<u32> {
-    let mut bins = vec![0; BINS];
-    values.for_each(|value| bins[bin(value)] += 1);
-    bins
-}
-
-/// The bin of a value of 8 bits.
-fn bin(value: u8) -> usize {
-    usize::from(value) * BINS / 256
-}
-
-/// The same by colour, of pixels of three values.
-fn counted_by_colour(rgb: &[u8]) -> Vec<Vec<u32>> {
-    let mut bins = vec![vec![0; BINS]; CHANNELS];
-    for pixel in rgb.chunks_exact(CHANNELS) {
-        for (bins, value) in bins.iter_mut().zip(pixel) {
-            bins[bin(*value)] += 1;
-        }
-    }
-    bins
-}
-
 /// What an ISP makes of the raw frame, 8 bits a colour, pixel by pixel. It is calibrated by the illumination of the lens; distortion stays.
 fn by_isp(
     name: &str,
     set: &[String],
-    taken: &Taken,
+    (raw, illumination): (&Raw, &LinearImage),
     sensor: &SensorModel,
     context: &Context,
 ) -> Result<Vec<u8>, JobError> {
@@ -491,7 +470,6 @@ fn by_isp(
     }
     let mut isp = isp_by_name(name, &context.assets, context.cancel())?;
     isp.set(set)?;
-    let (raw, illumination) = taken.for_chip();
     let mut frame = RawInput::from_raw(raw, sensor).map_err(DesignError::from)?;
     frame.about.shading = Some(Mesh::of_picture(illumination, MESH, MESH));
     let encoded = picture(&isp, &frame)?.encoded();
@@ -501,9 +479,9 @@ fn by_isp(
 }
 
 /// A raw frame between its black level and saturation, 8 bits a pixel.
-fn raw_bytes(taken: &Taken, sensor: &SensorModel) -> Vec<u8> {
+fn raw_bytes(raw: &Raw, sensor: &SensorModel) -> Vec<u8> {
     let black = sensor.black_level_dn as f32;
     let most = ((1u64 << sensor.bits) - 1) as f32;
     let byte = |dn: &f32| (255.0 * ((dn - black) / (most - black)).clamp(0.0, 1.0)).round() as u8;
-    taken.raw.dn.iter().map(byte).collect()
+    raw.dn.iter().map(byte).collect()
 }

@@ -78,13 +78,17 @@ impl WaveChannel {
     pub fn wave(&self) -> PupilWave<'_> {
         let (n, grid) = (self.nodes, self.grid());
         let NodeWave { wave, energy, .. } = grid.wave(&self.map);
-        // The columns in front of the first are mirror images.
         let first = grid.columns(self.map.samples.sides).start;
-        let place = |i: usize| if i < first { n - 1 - i - first } else { i - first };
-        let at = |j: usize, i: usize| Complex64::new(wave.re[(place(i), j)], wave.im[(place(i), j)]);
+        let mut values = Vec::with_capacity(n * n);
+        for j in 0..n {
+            let at = |i: usize| Complex64::new(wave.re[(i, j)], wave.im[(i, j)]);
+            // The columns in front of the first are mirror images.
+            values.extend((0..first).map(|i| at(n - 1 - i - first)));
+            values.extend((0..n - first).map(at));
+        }
         PupilWave {
             channel: self,
-            values: (0..n).flat_map(|j| (0..n).map(move |i| (j, i))).map(|(j, i)| at(j, i)).collect(),
+            values,
             energy,
             // Pad to twice the length: the autocorrelation of a wave is twice as wide as the wave.
             fft: FftPlanner::new().plan_fft_inverse((2 * n).next_power_of_two()),

@@ -37,7 +37,9 @@ function listenTo(page) {
       heard.most.set(kind(call), Math.max(count, heard.most.get(kind(call)) ?? 0));
     });
     socket.on("framereceived", ({ payload }) => {
-      const { id, event, response } = JSON.parse(payload);
+      // Before bytes stands the length of their message.
+      const text = typeof payload === "string" ? payload : payload.subarray(4, 4 + payload.readUInt32LE(0)).toString();
+      const { id, event, response } = JSON.parse(text);
       if (event) return;
       heard.atWork.delete(id);
       if (response?.process !== undefined) heard.onProcess(response.process);
@@ -185,6 +187,64 @@ test("a drag of a curvature moves the spots, and Escape and undo take it back", 
   await handle.focus();
   await page.keyboard.press("ArrowRight");
   await page.waitForFunction(() => JSON.parse(sessionStorage.getItem("petzval-studio")).at === 1);
+  assert.deepEqual(errors, []);
+});
+
+/** Drags the curvature of the first surface, in some steps; the button stays down. */
+async function dragCurvature(page, steps, pause = 30) {
+  const handle = page.getByRole("slider", { name: "curvature of surface 1", exact: true });
+  const place = async () => {
+    const { x, y, width, height } = await handle.boundingBox();
+    return [x + width / 2, y + height / 2];
+  };
+  // In a window of another size things move for a moment.
+  let [[x, y], before] = [await place(), []];
+  while (x !== before[0] || y !== before[1]) {
+    before = [x, y];
+    await page.waitForTimeout(200);
+    [x, y] = await place();
+  }
+  await page.mouse.move(x, y);
+  await page.mouse.down();
+  for (let i = 1; i <= steps; i++) {
+    await page.mouse.move(x + 4 * Math.sin(i / 4), y);
+    await page.waitForTimeout(pause);
+  }
+}
+
+test("a drag looks at what the window shows, draws no plot anew, and the cross-section does not outrun the picture", async (studio) => {
+  const { page, errors, heard } = await open(studio);
+  await exact(page);
+  const plots = () => page.locator(".plot canvas").evaluateAll((all) => all.map((canvas) => (canvas.dataset.kept ??= "new")));
+  assert.equal(await page.locator(".plot canvas").evaluateAll((all) => all.map((canvas) => (canvas.dataset.kept = "old")).length), 4);
+  const since = async (work) => {
+    const from = heard.calls.length;
+    await work();
+    return heard.calls.slice(from).filter(({ live, request }) => live && request.edits.length > 0);
+  };
+  const whole = await since(() => dragCurvature(page, 24));
+  assert.ok(whole.some(({ live, request }) => live === "lens-slow" && request.parts.includes("mtf")));
+  assert.ok(whole.some(({ live, request }) => live === "lens" && request.parts.join() === "layout,spots,fans"));
+  assert.deepEqual(await plots(), ["old", "old", "old", "old"]);
+  await page.keyboard.press("Escape");
+  await page.mouse.up();
+  await exact(page);
+  // A low and narrow window shows the cross-section alone.
+  await page.setViewportSize({ width: 800, height: 420 });
+  const layout = await since(() => dragCurvature(page, 24));
+  const parts = layout.map(({ live, request }) => `${live}: ${request.parts.join()}`);
+  assert.deepEqual([...new Set(parts)], ["lens: layout"]);
+  await page.keyboard.press("Escape");
+  await page.mouse.up();
+  // What was not looked at follows.
+  await exact(page);
+  await page.setViewportSize(WIDE);
+  await tab(page, "Camera").click();
+  await page.getByTestId("chain").filter({ hasText: "exact:" }).waitFor();
+  const both = await since(() => dragCurvature(page, 60));
+  const count = (channel) => both.filter(({ live }) => live === channel).length;
+  assert.ok(count("camera") >= 2 && count("lens") <= count("camera") + 2, `${count("lens")} cross-sections and ${count("camera")} pictures`);
+  await page.mouse.up();
   assert.deepEqual(errors, []);
 });
 

@@ -2,6 +2,8 @@
 
 use std::time::{Duration, Instant};
 
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use serde_json::{Value, json};
 
 use crate::client::Server;
@@ -50,6 +52,31 @@ fn a_live_channel_has_one_call_in_flight() {
     // The channel is free as soon as the answer is there.
     let next = page.send("lens-view", json!({"lens": LENS, "quick": true}), Some("camera"));
     assert!(page.end_of(next).get("response").is_some());
+}
+
+#[test]
+fn pictures_come_as_bytes_where_a_call_says_so() {
+    let server = Server::start();
+    let mut page = server.page();
+    let request = json!({"lens": LENS, "size": [32, 64], "quick": true, "raw": true});
+    let response = page.call("camera-view", request.clone());
+    let decoded = |key: &str| STANDARD.decode(response[key].as_str().unwrap()).unwrap();
+    let call = json!({"id": 77, "job": "camera-view", "request": request, "bytes": ["rgb", "raw"]});
+    page.say(&call.to_string()).unwrap();
+    let payload = loop {
+        let (kind, payload) = page.frame().unwrap();
+        if kind == 2 {
+            break payload;
+        }
+    };
+    let length = u32::from_le_bytes(payload[..4].try_into().unwrap()) as usize;
+    let (text, behind) = payload[4..].split_at(length);
+    let message: Value = serde_json::from_slice(text).unwrap();
+    let (rgb, raw) = (decoded("rgb"), decoded("raw"));
+    assert_eq!((message["id"].as_u64(), rgb.len(), raw.len()), (Some(77), 3 * 32 * 64, 32 * 64));
+    assert_eq!(message["response"]["rgb"], json!([0, rgb.len()]));
+    assert_eq!(message["response"]["raw"], json!([rgb.len(), raw.len()]));
+    assert_eq!(behind, [rgb, raw].concat());
 }
 
 /// An optimisation that takes minutes.

@@ -19,16 +19,19 @@ function bytesOf(base64: string): Uint8Array {
   return Uint8Array.from({ length: text.length }, (_, i) => text.charCodeAt(i));
 }
 
-/** Decodes pixels of 8 bits, one (gray) or three (RGB) values each. */
-export function pixelsOf(base64: string, width: number, height: number, values: 1 | 3): Pixels {
-  const bytes = bytesOf(base64);
-  const rgba = new Uint8ClampedArray(4 * width * height);
-  const [green, blue] = values === 3 ? [1, 2] : [0, 0];
-  for (let to = 0, from = 0; to < rgba.length; to += 4, from += values) {
-    rgba[to] = bytes[from]!;
-    rgba[to + 1] = bytes[from + green]!;
-    rgba[to + 2] = bytes[from + blue]!;
-    rgba[to + 3] = 255;
+/** Pixels of 8 bits, one (gray) or three (RGB) values each, of which text is base64. They take the place of `old` ones of the same number. */
+export function pixelsOf(values: string | Uint8Array, width: number, height: number, each: 1 | 3, old?: Pixels): Pixels {
+  const bytes = typeof values === "string" ? bytesOf(values) : values;
+  const length = 4 * width * height;
+  const rgba = old?.rgba.length === length ? old.rgba : new Uint8ClampedArray(length);
+  // A pixel is one number: the lowest byte, which comes first, is red.
+  const pixels = new Uint32Array(rgba.buffer);
+  if (each === 1) {
+    for (let i = 0; i < pixels.length; i++) pixels[i] = 0xff000000 | (0x010101 * bytes[i]!);
+  } else {
+    for (let i = 0, from = 0; i < pixels.length; i++, from += 3) {
+      pixels[i] = 0xff000000 | bytes[from]! | (bytes[from + 1]! << 8) | (bytes[from + 2]! << 16);
+    }
   }
   return { width, height, rgba };
 }

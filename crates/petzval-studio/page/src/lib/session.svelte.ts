@@ -2,6 +2,7 @@
 //
 // A state is the text of a lens file, which holds the lens to the last bit: undo puts back the very text.
 
+import { alike } from "./alike";
 import { below } from "./paths";
 import { CallError, Live, server } from "./server.svelte";
 import type { Defocus, Edit, First, Loss, Opened, State, View } from "./types";
@@ -50,6 +51,24 @@ const STORE = "petzval-studio";
 /** Milliseconds of rest after which the exact view follows the quick one. */
 const REST_MS = 120;
 
+/** Parts of a view that are looked at apart, and where they stand in it. */
+export type Part = keyof typeof PARTS;
+const PARTS = { layout: "layout", spots: "spots", fans: "fans", mtf: "mtf", "field-curves": "field_curves" } as const;
+
+/** What an edit leaves as it is for the most part. The rest changes with every ray. */
+const STAYS = ["surfaces", "wavelengths_um", "stated_wavelengths_um", "fields_deg", "stated_fields_deg", "violations", "problems", "layout"] as const;
+
+/** A view with these parts of another one, and with all else of it if the layout is among them. */
+function joined(before: View, view: View, parts: Part[]): View {
+  const isWhole = parts.includes("layout");
+  const [base, over] = isWhole ? [before, view] : [view, before];
+  const found: View = { ...over };
+  const keys = (Object.keys(PARTS) as Part[]).filter((part) => parts.includes(part) !== isWhole).map((part) => PARTS[part]);
+  for (const key of keys) Object.assign(found, { [key]: base[key] });
+  for (const key of STAYS) Object.assign(found, { [key]: alike(before[key], found[key]) });
+  return found;
+}
+
 class Session {
   /** What the server says of itself. */
   about = $state.raw<State | undefined>();
@@ -77,17 +96,26 @@ class Session {
   /** What the room shows of the lens; everything if empty. */
   parts = $state.raw<string[]>([]);
 
+  /** Parts of the view that lie outside of the window. */
+  readonly #unseen = new Set<Part>();
+
   readonly live = new Live(server, "lens");
   /** Modulation and field curves of a drag take several times as long as rays: they follow on a channel of their own. */
   readonly #slow = new Live(server, "lens-slow");
   /** Exact views take longer: a drag does not wait for them. */
   readonly #exact = new Live(server);
+  /** Calls for rays that come for one of those of modulation. */
+  static readonly #RAYS_FIRST = 2;
   #rest: ReturnType<typeof setTimeout> | undefined;
   #commits: Promise<boolean> = Promise.resolve(true);
   /** Number of the history: each lens that is opened begins one. */
   #history = $state(0);
   /** The lens that the studio was started with. */
   #named: string | undefined;
+
+  constructor() {
+    this.live.lead(this.#slow, Session.#RAYS_FIRST);
+  }
 
   /** Grows with each lens that is opened. */
   get history(): number {
@@ -175,19 +203,26 @@ class Session {
     }
   }
 
-  /** Shows edits that are being dragged; the state stays. Rays come first; a room that shows everything gets the rest when it is there. */
+  /** Notes whether a part of the view lies in the window. */
+  sees(part: Part, isSeen: boolean): void {
+    if (isSeen) this.#unseen.delete(part);
+    else this.#unseen.add(part);
+  }
+
+  /**
+   * Shows edits that are being dragged; the state stays. What lies outside of the window waits for the release. Rays come first; modulation and field
+   * curves of a room that shows everything follow when they are there.
+   */
   drag(edits: Edit[]): void {
     this.dragged = edits;
-    if (this.parts.length > 0) {
-      this.#look(edits, true);
-      return;
-    }
-    this.#follow(this.live, edits, ["layout", "spots", "fans"], (view, before) => ({ ...view, mtf: before.mtf, field_curves: before.field_curves }));
-    this.#follow(this.#slow, edits, ["mtf", "field-curves"], ({ mtf, field_curves }, before) => ({ ...before, mtf, field_curves }));
+    const shown = (parts: Part[]) => parts.filter((part) => !this.#unseen.has(part) && (this.parts.length === 0 || this.parts.includes(part)));
+    this.#follow(this.live, edits, ["layout", ...shown(["spots", "fans"])]);
+    const slow = shown(["mtf", "field-curves"]);
+    if (slow.length > 0) this.#follow(this.#slow, edits, slow);
   }
 
   /** Looks quickly at parts of the lens, and puts them into what is seen while the drag goes on. */
-  #follow(channel: Live, edits: Edit[], parts: string[], joined: (view: View, before: View) => View): void {
+  #follow(channel: Live, edits: Edit[], parts: Part[]): void {
     clearTimeout(this.#rest);
     this.#exact.drop();
     const toml = this.toml;
@@ -195,7 +230,7 @@ class Session {
       job: "lens-view",
       request: { ...this.#request(edits, true), parts },
       done: (view) => {
-        if (toml === this.toml && this.dragged.length > 0 && this.view) this.view = joined(view, this.view);
+        if (toml === this.toml && this.dragged.length > 0 && this.view) this.view = joined(this.view, view, parts);
       },
       failed: (error) => this.#say(error),
     });

@@ -167,8 +167,8 @@ export interface View {
 export interface CameraView {
   height: number;
   width: number;
-  rgb: string;
-  raw: string | null;
+  rgb: string | Uint8Array;
+  raw: string | Uint8Array | null;
   placement: Point;
   array: Point;
   is_own_array: boolean;
