@@ -11,6 +11,8 @@
 //! [`Kernel`] makes it, with its hand-written adjoint, an operation of the framework on any device.
 
 mod develop_op;
+#[cfg(any(feature = "wgpu", feature = "cuda"))]
+mod device;
 mod expose_op;
 mod frames;
 mod kernel;
