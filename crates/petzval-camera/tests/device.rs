@@ -10,10 +10,14 @@ use burn::prelude::*;
 use burn::tensor::TensorData;
 use petzval_base::random::{Stage, Stream};
 use petzval_camera::develop::{Demosaic, Domain, Interpolation, LinearIsp};
+use petzval_camera::render::{KNOTS, Wiener, patch_kernels};
 use petzval_camera::sensor::{Electronics, NonUniformity};
-use petzval_camera::tape::{expose_op, linear_isp_op};
+use petzval_camera::tape::{
+    PlacedScene, Restoration, expose_op, field_map, illumination_op, linear_isp_op, render_op, restore_op,
+};
 use petzval_camera::{
-    CHANNELS, Capture, CfaPattern, Exposure, Noise, NoiseMode, Placement, SensorModel, expose_pixel,
+    CHANNELS, Capture, CfaPattern, Exposure, LinearImage, Noise, NoiseMode, Placement, PsfBank,
+    RenderGeometry, SensorModel, expose_pixel, kernel_radius,
 };
 
 /// The device under test; none on a machine without one.
@@ -42,6 +46,11 @@ fn host() -> Device {
 fn uniform(seed: u64, n: usize) -> Vec<f32> {
     let stream = Stream::new(seed, 0, Stage::Search);
     (0..n as u32).map(|i| stream.uniforms(i, 0)[0] as f32).collect()
+}
+
+/// Numbers in -0.5..0.5: PSFs of one light differ by nothing in the sum, so that equal weights would leave only rounding of a derivative.
+fn centred(seed: u64, n: usize) -> Vec<f32> {
+    uniform(seed, n).iter().map(|v| v - 0.5).collect()
 }
 
 fn tensor<const D: usize>(values: &[f32], shape: [usize; D], device: &Device) -> Tensor<D> {
@@ -217,7 +226,7 @@ fn developed(
 fn developments_are_those_of_the_cpu_forward_and_back() {
     let Some(device) = device() else { return };
     let matrix = [[1.6, -0.4, -0.2], [-0.2, 1.4, -0.2], [0.0, -0.5, 1.5]];
-    for cfa in [CfaPattern::RGGB, CfaPattern::GRBG, CfaPattern::GBRG, CfaPattern::BGGR, CfaPattern::MONO] {
+    for cfa in [CfaPattern::RGGB, CfaPattern::GBRG, CfaPattern::MONO] {
         let sensor = SensorModel { cfa, ..sensor() };
         // Odd sizes, and one that the border mirrors several times.
         for size in [[37, 53], [5, 4]] {
@@ -249,5 +258,137 @@ fn developments_are_those_of_the_cpu_forward_and_back() {
                 }
             }
         }
+    }
+}
+
+fn geometry(patches: (usize, usize)) -> RenderGeometry {
+    RenderGeometry { sensor_height: 96, sensor_width: 128, pixel_um: 5.0, patches }
+}
+
+/// Uneven Gauss curves, wider at the corner.
+fn bank(grid: usize, sigma: f32) -> PsfBank {
+    let mut values = Vec::new();
+    for (field, sigma) in [sigma, 1.5 * sigma, 1.2 * sigma].into_iter().enumerate() {
+        for c in 0..CHANNELS {
+            let random = uniform((10 * field + c) as u64, grid * grid);
+            let at = |i: usize| (i as f32 - 0.5 * (grid as f32 - 1.0)) * 1.5 / sigma;
+            let cell = |i: usize| (-0.5 * (at(i / grid).powi(2) + at(i % grid).powi(2))).exp();
+            let psf: Vec<f32> = (0..grid * grid).map(|i| cell(i) * (0.5 + random[i])).collect();
+            let sum: f32 = psf.iter().sum();
+            values.extend(psf.iter().map(|v| v / sum));
+        }
+    }
+    let illumination = vec![1.0, 0.99, 0.98, 0.8, 0.82, 0.79, 0.5, 0.52, 0.47];
+    PsfBank { field_radius_mm: vec![0.0, 0.2, 0.33], grid, pitch_um: 1.5, values, illumination }
+}
+
+/// Windows in the middle, at a corner and across the centres of patches.
+const PLACES: [Placement; 3] =
+    [Placement { row: 0, col: 3 }, Placement { row: 61, col: 90 }, Placement { row: 29, col: 40 }];
+
+/// Leaves of PSF values and radii.
+fn psf_leaves(bank: &PsfBank, device: &Device) -> (Tensor<4>, Tensor<1>) {
+    let values = tensor(&bank.values, [3, CHANNELS, bank.grid, bank.grid], device);
+    let radii: Vec<f32> = bank.field_radius_mm.iter().map(|v| *v as f32).collect();
+    (values.require_grad(), tensor(&radii, [3], device).require_grad())
+}
+
+fn compare(what: &str, names: &[&str], most: f32, [found, expected]: [Vec<Vec<f32>>; 2]) {
+    assert_eq!([found.len(), expected.len()], [names.len(); 2]);
+    for ((found, expected), name) in found.iter().zip(&expected).zip(names) {
+        let error = error(found, expected);
+        println!("{what}, {name}: {error:.1e}");
+        assert!(error < most, "{what}, {name}: {error}");
+    }
+}
+
+#[test]
+fn renderings_are_those_of_the_cpu_forward_and_back() {
+    let Some(device) = device() else { return };
+    let [height, width] = [35, 37];
+    for (patches, grid, sigma) in [((3, 4), 16, 3.0), ((1, 1), 16, 3.0), ((1, 3), 61, 18.0), ((5, 2), 8, 2.0)]
+    {
+        let (geometry, bank) = (geometry(patches), bank(grid, sigma));
+        let layout = bank.layout();
+        let radius = kernel_radius(&geometry, &layout).unwrap();
+        let (h, w) = (height + 2 * radius, width + 2 * radius);
+        let scenes: Vec<PlacedScene> = PLACES
+            .iter()
+            .enumerate()
+            .map(|(i, placement)| {
+                let data = uniform(40 + i as u64, CHANNELS * h * w);
+                let scene = LinearImage::from_data(CHANNELS, h, w, data).unwrap();
+                PlacedScene { scene, placement: *placement }
+            })
+            .collect();
+        let shape = [3, CHANNELS, height, width];
+        let weight = centred(8, shape.iter().product());
+        let active = vec![true; geometry.patch_count()];
+        let ready = patch_kernels(&geometry, &layout, &bank.values, &active).unwrap();
+        for ready in [None, Some(std::sync::Arc::new(ready))] {
+            let rendered = |device: &Device| {
+                let (psf, radii) = psf_leaves(&bank, device);
+                let scenes = scenes.clone();
+                let pictures =
+                    render_op(psf.clone(), radii.clone(), &layout, &geometry, ready.clone(), scenes).unwrap();
+                let gradients = (pictures.clone() * tensor(&weight, shape, device)).sum().backward();
+                let by = [values(psf.grad(&gradients).unwrap()), values(radii.grad(&gradients).unwrap())];
+                vec![values(pictures), by[0].clone(), by[1].clone()]
+            };
+            let names = ["light", "by PSF values", "by field radii"];
+            compare(&format!("{patches:?}, grid {grid}"), &names, 1e-5, [&device, &host()].map(rendered));
+        }
+        let illuminated = |device: &Device| {
+            let (_, radii) = psf_leaves(&bank, device);
+            let table = tensor(&bank.illumination, [3, CHANNELS], device).require_grad();
+            let map =
+                illumination_op(table.clone(), radii.clone(), &layout, &geometry, &PLACES, height, width)
+                    .unwrap();
+            let gradients = (map.clone() * tensor(&weight, shape, device)).sum().backward();
+            let by = [values(table.grad(&gradients).unwrap()), values(radii.grad(&gradients).unwrap())];
+            vec![values(map), by[0].clone(), by[1].clone()]
+        };
+        let field =
+            |device: &Device| vec![values(field_map(&geometry, &PLACES, [height, width], device).unwrap())];
+        compare(&format!("{patches:?}"), &["field"], 1e-6, [&device, &host()].map(field));
+        let names = ["illumination", "by the table", "by field radii"];
+        compare(&format!("{patches:?}"), &names, 1e-5, [&device, &host()].map(illuminated));
+    }
+}
+
+#[test]
+fn restorations_are_those_of_the_cpu_forward_and_back() {
+    let Some(device) = device() else { return };
+    let [height, width] = [35, 37];
+    let shape = [3, CHANNELS, height, width];
+    let (pictures, weight) = (uniform(3, shape.iter().product()), centred(8, shape.iter().product()));
+    let curves: Vec<f32> = uniform(6, CHANNELS * KNOTS).iter().map(|v| 2.0 * v - 1.0).collect();
+    // The second has kernels of more than 16 pixels, whose filters reach farther than the least.
+    for (patches, grid) in [((3, 4), 16), ((1, 2), 81)] {
+        let (geometry, bank) = (geometry(patches), bank(grid, 4.0));
+        let restored = |device: &Device| {
+            let (psf, radii) = psf_leaves(&bank, device);
+            let pictures = tensor(&pictures, shape, device).require_grad();
+            let curves = tensor(&curves, [CHANNELS, KNOTS], device).require_grad();
+            let restoration = Restoration {
+                wiener: Wiener { noise: 0.02, ..Wiener::default() },
+                layout: bank.layout(),
+                geometry: geometry.clone(),
+                ready: None,
+                placements: PLACES.to_vec(),
+            };
+            let (values_of, curves_of) = (psf.clone(), curves.clone());
+            let out = restore_op(pictures.clone(), values_of, radii.clone(), curves_of, restoration).unwrap();
+            let gradients = (out.clone() * tensor(&weight, shape, device)).sum().backward();
+            vec![
+                values(out),
+                values(pictures.grad(&gradients).unwrap()),
+                values(psf.grad(&gradients).unwrap()),
+                values(radii.grad(&gradients).unwrap()),
+                values(curves.grad(&gradients).unwrap()),
+            ]
+        };
+        let names = ["pictures", "by pictures", "by PSF values", "by field radii", "by curves"];
+        compare(&format!("{patches:?}, grid {grid}"), &names, 1e-5, [&device, &host()].map(restored));
     }
 }

@@ -103,7 +103,7 @@ pub fn ln(x: f32) -> f32 {
 
 /// Exponential of a number in -80..80.
 #[cube]
-fn exp(x: f32) -> f32 {
+pub fn exp(x: f32) -> f32 {
     let n = (x * std::f32::consts::LOG2_E + 0.5f32).floor();
     let r = (x - n * 0.693_359_4f32) - n * -2.121_944_4e-4f32;
     let mut sum = r / 5040.0f32 + 1.0f32 / 720.0f32;
@@ -169,20 +169,20 @@ pub fn rare_exponential(pair: &Pair, share: f32) -> f32 {
 /// The error of Stirling's formula for the factorials 0 to 15, which [`poisson`] takes as its table.
 pub const CORRECTIONS: [f32; 16] = [
     0.0,
-    0.081_061_467,
+    0.081_061_47,
     0.041_340_696,
     0.027_677_926,
     0.020_790_672,
-    0.016_644_691,
+    0.016_644_69,
     0.013_876_129,
     0.011_896_71,
     0.010_411_265,
     0.009_255_462,
     0.008_330_563,
     0.007_573_676,
-    0.006_942_840,
+    0.006_942_84,
     0.006_408_994,
-    0.005_951_370,
+    0.005_951_37,
     0.005_554_734,
 ];
 

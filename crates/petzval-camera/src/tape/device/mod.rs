@@ -3,9 +3,12 @@
 //! Each file here gives the kernel of one operation its [`DeviceForm`](super::DeviceForm). A form computes what the kernel computes on the
 //! host, in 32 bits. Only PSFs, numbers of captures and data of new scenes cross between host and device.
 
+mod convolve;
 mod develop;
 mod draws;
 mod expose;
+mod render;
+mod restore;
 
 use burn::backend::{
     BackendTensor, Cube, DispatchKindConversion, DispatchTensor, DispatchTensorKind, TensorMetadata,
@@ -57,6 +60,11 @@ fn uploaded(like: &CubeTensor, bytes: &[u8], dtype: DType) -> CubeTensor {
 fn read(tensor: &CubeTensor) -> Vec<f32> {
     let bytes = tensor.client.read_one_unchecked(tensor.handle.clone());
     f32::from_bytes(&bytes)[..tensor.shape().num_elements()].to_vec()
+}
+
+/// The same values in another shape.
+fn shaped(tensor: CubeTensor, shape: Shape) -> CubeTensor {
+    CubeTensor::new_contiguous(tensor.client, tensor.device, shape, tensor.handle, tensor.dtype)
 }
 
 /// Units of a group that runs together.
