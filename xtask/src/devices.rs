@@ -1,6 +1,6 @@
 //! `cargo xtask devices`: tensors on a GPU, proved on one that every machine can have: a program that is a Vulkan device on the CPU (Mesa's
 //! lavapipe). The command is built with the feature `wgpu`; its check of the device must find no fault; and a short design on it must make the camera
-//! that the CPU makes.
+//! that the CPU makes. Kernels for devices are compared with those of the CPU by tests of their crates.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -24,6 +24,12 @@ const STEPS: &str = "2";
 /// By how much the scores of the two cameras may differ: 1 - LPIPS, and PSNR in dB.
 const LARGEST: [(&str, f64); 2] = [("one_minus_lpips", 1e-5), ("psnr_db", 1e-3)];
 
+/// Test programs of kernels for devices: package and name.
+const TESTS: [(&str, &str); 1] = [("petzval-camera", "device")];
+
+/// What a test of a device prints where there is none.
+const NO_DEVICE: &str = "NOT TESTED";
+
 /// How the chore is called.
 pub const USAGE: &str = "cargo xtask devices [--petzval PROGRAM]; the program must have the feature `wgpu`";
 
@@ -46,11 +52,34 @@ pub fn run(root: &Path, petzval: Option<PathBuf>) -> Result<Ended, String> {
     let folder = std::env::temp_dir().join(format!("petzval-devices-{}", std::process::id()));
     std::fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     let ended = on_software(&petzval, &driver, &folder);
+    let ended = ended.and_then(|ended| kernels(root, &driver).map(|()| ended));
     // What is left of a failure may be looked at.
     if ended.is_ok() {
         let _ = std::fs::remove_dir_all(&folder);
     }
     ended
+}
+
+/// Compares the kernels for devices with those of the CPU.
+fn kernels(root: &Path, driver: &Path) -> Result<(), String> {
+    for (package, test) in TESTS {
+        let words = ["test", "--release", "--package", package, "--features", "wgpu", "--test", test];
+        println!("cargo {}", words.join(" "));
+        let output = Command::new(env!("CARGO"))
+            .args(words)
+            .args(["--", "--nocapture"])
+            .current_dir(root)
+            .env("VK_DRIVER_FILES", driver)
+            .env("VK_ICD_FILENAMES", driver)
+            .output()
+            .map_err(|e| e.to_string())?;
+        let text =
+            [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text).into_owned()).concat();
+        if !output.status.success() || text.contains(NO_DEVICE) {
+            return Err(format!("{package}, {test}: {text}"));
+        }
+    }
+    Ok(())
 }
 
 /// The description of lavapipe, if the machine has it.

@@ -173,7 +173,7 @@ pub fn correct_shading(
 
 /// Linear light per digital number of red, green, blue and clear pixels, `1 / (K g white_e s)`, where `s` is the response
 /// of a pixel to white light.
-fn light_per_dn(sensor: &SensorModel, exposure: &Exposure) -> [f64; Colour::ALL.len()] {
+pub(crate) fn light_per_dn(sensor: &SensorModel, exposure: &Exposure) -> [f64; Colour::ALL.len()] {
     let dn_per_unit = sensor.gain_dn_per_e * exposure.linear_gain as f64 * exposure.white_e as f64;
     Colour::ALL.map(|colour| 1.0 / (dn_per_unit * sensor.response(colour).iter().sum::<f64>()))
 }

@@ -30,6 +30,12 @@ impl Stabiliser {
         Self::new(mean as f32)
     }
 
+    /// Offset, in units of white.
+    #[cfg(any(feature = "wgpu", feature = "cuda"))]
+    pub(crate) fn offset(self) -> f32 {
+        self.offset
+    }
+
     /// Light plus offset below which the root is replaced by its tangent.
     fn least(self) -> f32 {
         0.25 * self.offset

@@ -194,7 +194,7 @@ fn patch_centre(len: usize, patches: usize, i: usize) -> f64 {
 
 /// Hat weight along one axis: the lower of the two patches around pixel `k`, and the weight of the upper patch. Outside the
 /// outer patch centres the weight is constant.
-pub(super) fn hat(len: usize, patches: usize, k: usize) -> (usize, f32) {
+pub(crate) fn hat(len: usize, patches: usize, k: usize) -> (usize, f32) {
     let spacing = len as f64 / patches as f64;
     let position = ((k as f64 - patch_centre(len, patches, 0)) / spacing).clamp(0.0, (patches - 1) as f64);
     let lo = (position as usize).min(patches.saturating_sub(2));

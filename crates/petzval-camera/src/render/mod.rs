@@ -34,11 +34,15 @@ pub use blend::{BlendError, blend_error, with_patches_for};
 pub use direct::render_direct;
 pub use distortion::Distortion;
 pub use error::RenderError;
+#[cfg(any(feature = "wgpu", feature = "cuda"))]
+pub(crate) use geometry::hat;
 pub use geometry::{Placement, RenderGeometry, Window};
 pub use illumination::{RadialWeight, illumination_adjoint, illumination_map, illumination_weights};
 pub use kernel::{PatchKernels, PsfGradient, kernel_radius, patch_kernels, patch_kernels_adjoint};
 pub use light::light_on_pixels;
 pub use limits::{MAX_PATCHES, MAX_RADIUS, MAX_SIDE};
+#[cfg(any(feature = "wgpu", feature = "cuda"))]
+pub(crate) use restore::WienerGrid;
 pub use restore::{Curves, KNOTS, Wiener, WienerGradient};
 
 use petzval_base::Cancel;

@@ -169,6 +169,27 @@ impl Wiener {
     }
 }
 
+/// The transform in which kernels of a radius are inverted, for those who invert them elsewhere.
+#[cfg(any(feature = "wgpu", feature = "cuda"))]
+pub(crate) struct WienerGrid {
+    /// Side of the transform, even.
+    pub side: usize,
+    /// P without curves over a half spectrum, `[column bin][row]`.
+    pub prior: Vec<f32>,
+    /// The knot below each frequency, and the weight of the knot above it.
+    pub between: Vec<(usize, f32)>,
+}
+
+#[cfg(any(feature = "wgpu", feature = "cuda"))]
+impl Wiener {
+    /// The grid of kernels of a radius.
+    pub(crate) fn grid(&self, radius: usize) -> WienerGrid {
+        let plain = Self { curves: [[0.0; KNOTS]; CHANNELS], ..*self };
+        let Regularisation { values: [prior, ..], between } = Regularisation::new(&plain, side(radius));
+        WienerGrid { side: side(radius), prior, between }
+    }
+}
+
 /// P of the three colours over a half spectrum, `[column bin][row]`.
 struct Regularisation {
     values: [Vec<f32>; CHANNELS],

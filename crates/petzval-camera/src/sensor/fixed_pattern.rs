@@ -1,7 +1,11 @@
 //! The pattern of one specimen of a sensor: what its non-uniformity draws for each pixel, row and column.
 
+#[cfg(any(feature = "wgpu", feature = "cuda"))]
+use super::capture::Capture;
 use super::model::SensorModel;
 use super::noise::FrameStreams;
+#[cfg(any(feature = "wgpu", feature = "cuda"))]
+use super::noise::Noise;
 use super::nonuniformity::NonUniformity;
 use crate::render::Placement;
 use petzval_base::random::{Stage, Stream, place};
@@ -36,6 +40,23 @@ impl SensorModel {
             dark_e_per_s: all.iter().map(|p| p.dark_e_per_s as f32).collect(),
         }
     }
+}
+
+/// What the rows, then the columns of a window have in common in a frame: offset in electrons, and part of the response, of each in turn.
+#[cfg(any(feature = "wgpu", feature = "cuda"))]
+pub(crate) fn shared_lines(
+    sensor: &SensorModel,
+    capture: &Capture,
+    noise: &Noise,
+    height: usize,
+    width: usize,
+) -> Vec<f32> {
+    let streams = FrameStreams::new(noise, capture);
+    let pattern = Pattern::new(&sensor.nonuniformity, Some(&streams));
+    let Placement { row, col } = capture.placement;
+    let rows = (row..row + height).map(|row| pattern.of_row(row));
+    let columns = (col..col + width).map(|col| pattern.of_column(col));
+    rows.chain(columns).flat_map(|shared| [shared.offset_e as f32, shared.response as f32]).collect()
 }
 
 /// What sets one pixel apart in one frame.

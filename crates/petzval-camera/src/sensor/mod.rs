@@ -33,6 +33,8 @@ pub use error::{OutOfRange, SensorError};
 pub(crate) use expose::{check_capture, expose_checked, expose_tracked};
 pub use expose::{expose, expose_with_tape};
 pub use fixed_pattern::FixedPattern;
+#[cfg(any(feature = "wgpu", feature = "cuda"))]
+pub(crate) use fixed_pattern::shared_lines;
 pub use model::{Electronics, SensorModel};
 pub use noise::{Noise, NoiseMode};
 pub use nonuniformity::NonUniformity;

@@ -13,7 +13,7 @@ use petzval_base::random::{PoissonScratch, Stage, Stream, poisson, poisson_row};
 /// `E f'(x) dx/dlambda`, relative to the exact derivative, for `f = sqrt(N + 1)` at 0.3, 3 and 40 electrons. They are exact
 /// sums for `Dequantised`, and means of 2 million draws of NumPy's generator for the other modes. The book's page on the
 /// sensor lists more of them; the tests check all.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum NoiseMode {
     /// Whole Poisson electrons. For evaluation: the draw has no derivative and the tape holds zeros.

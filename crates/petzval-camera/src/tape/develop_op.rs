@@ -5,6 +5,8 @@ use std::sync::Arc;
 use burn::prelude::*;
 use rayon::prelude::*;
 
+#[cfg(any(feature = "wgpu", feature = "cuda"))]
+use super::kernel::DeviceForm;
 use super::kernel::{Kernel, View, apply};
 use super::{joined, picture};
 use crate::develop::{Interpolation, check_colours, develop_by, develop_by_adjoint};
@@ -35,11 +37,11 @@ pub fn develop_by_op(
 
 /// Development of digital numbers as a kernel.
 #[derive(Debug)]
-struct DevelopKernel {
-    interpolation: Interpolation,
-    sensor: SensorModel,
-    captures: Vec<Capture>,
-    shape: [usize; 4],
+pub(super) struct DevelopKernel {
+    pub(super) interpolation: Interpolation,
+    pub(super) sensor: SensorModel,
+    pub(super) captures: Vec<Capture>,
+    pub(super) shape: [usize; 4],
 }
 
 impl DevelopKernel {
@@ -98,5 +100,10 @@ impl Kernel for DevelopKernel {
         };
         let d_dn: Vec<Vec<f32>> = self.captures.par_iter().enumerate().map(one).collect();
         vec![d_dn.concat()]
+    }
+
+    #[cfg(any(feature = "wgpu", feature = "cuda"))]
+    fn device_form(&self) -> Option<&dyn DeviceForm> {
+        Some(self)
     }
 }

@@ -5,6 +5,8 @@ use std::sync::{Arc, OnceLock};
 use burn::prelude::*;
 use rayon::prelude::*;
 
+#[cfg(any(feature = "wgpu", feature = "cuda"))]
+use super::kernel::DeviceForm;
 use super::kernel::{Kernel, View, apply};
 use super::{joined, picture};
 use crate::image::{CHANNELS, LinearImage};
@@ -43,11 +45,11 @@ pub fn expose_op(
 
 /// Exposure of irradiance as a kernel.
 #[derive(Debug)]
-struct ExposeKernel {
-    sensor: SensorModel,
-    captures: Vec<Capture>,
-    noise: Noise,
-    shape: [usize; 4],
+pub(super) struct ExposeKernel {
+    pub(super) sensor: SensorModel,
+    pub(super) captures: Vec<Capture>,
+    pub(super) noise: Noise,
+    pub(super) shape: [usize; 4],
     /// Derivative of each digital number by the light in its pixel, per picture. A kernel serves one call, so the backward pass reuses
     /// those of a forward pass on the tape.
     tape: OnceLock<Vec<Vec<f32>>>,
@@ -110,5 +112,10 @@ impl Kernel for ExposeKernel {
             }
         }
         vec![d_irradiance]
+    }
+
+    #[cfg(any(feature = "wgpu", feature = "cuda"))]
+    fn device_form(&self) -> Option<&dyn DeviceForm> {
+        Some(self)
     }
 }

@@ -24,22 +24,24 @@ pub fn linear_isp_op(
 ) -> Result<Tensor<4>, SensorError> {
     let [batch, _, height, width] = raw.dims();
     let device = raw.device();
-    // Clip each pixel where white light would saturate the first colour.
-    let mut levels = Vec::with_capacity(batch * height * width);
+    if captures.len() != batch {
+        return Err(SensorError::Shape {
+            what: "raw frames",
+            expected: format!("one capture each, {batch}"),
+            got: format!("{} captures", captures.len()),
+        });
+    }
+    // Clip each pixel where white light would saturate the first colour: the levels of a tile of the array, repeated.
+    let (rows, cols) = (sensor.cfa.rows(), sensor.cfa.cols());
+    let mut levels = Vec::with_capacity(batch * rows * cols);
     let mut highest = Vec::with_capacity(batch);
     for capture in captures {
-        levels.extend(clip_levels_dn(sensor, capture, height, width)?);
+        levels.extend(clip_levels_dn(sensor, capture, rows, cols)?);
         highest.push(crate::develop::highest_light(sensor, &capture.exposure)?);
     }
-    let check = || SensorError::Shape {
-        what: "raw frames",
-        expected: format!("one capture each, {batch}"),
-        got: format!("{} captures", captures.len()),
-    };
-    if captures.len() != batch {
-        return Err(check());
-    }
-    let levels = Tensor::from_data(TensorData::new(levels, [batch, 1, height, width]), &device);
+    let levels = Tensor::<4>::from_data(TensorData::new(levels, [batch, 1, rows, cols]), &device)
+        .repeat(&[1, 1, height.div_ceil(rows), width.div_ceil(cols)])
+        .slice([0..batch, 0..1, 0..height, 0..width]);
     let clipped = raw.min_pair(levels);
     // Dark level, white balance, demosaicing.
     let balanced = develop_by_op(clipped, &isp.interpolation, sensor, captures)?;

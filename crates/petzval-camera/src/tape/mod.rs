@@ -8,9 +8,11 @@
 //! ```
 //!
 //! The numeric work is the plain Rust of [`mod@crate::render`], [`crate::sensor`] and [`mod@crate::develop`]. A
-//! [`Kernel`] makes it, with its hand-written adjoint, an operation of the framework on any device.
+//! [`Kernel`] makes it, with its hand-written adjoint, an operation of the framework on any device. On a GPU the forms of `device` take its place.
 
 mod develop_op;
+#[cfg(any(feature = "wgpu", feature = "cuda"))]
+mod device;
 mod expose_op;
 mod frames;
 mod kernel;
@@ -24,7 +26,7 @@ pub use expose_op::expose_op;
 pub use frames::Frames;
 pub use kernel::{DeviceForm, Kernel, View, apply, is_on_host};
 pub use linear_isp_op::{linear_isp_op, linear_isp_pull_back};
-pub use render_op::{PlacedScene, illumination_op, render_op};
+pub use render_op::{PlacedScene, field_map, illumination_op, render_op};
 pub use restore_op::{Restoration, restore_op};
 pub use srgb_op::srgb_encode_op;
 

@@ -5,6 +5,8 @@ use std::sync::Arc;
 use burn::prelude::*;
 use rayon::prelude::*;
 
+#[cfg(any(feature = "wgpu", feature = "cuda"))]
+use super::kernel::DeviceForm;
 use super::kernel::{Kernel, View, apply};
 use super::{joined, picture};
 use crate::image::{CHANNELS, LinearImage};
@@ -70,14 +72,14 @@ pub fn render_op(
 
 /// Rendering of a batch as a kernel of PSF values and field radii, linear in the values.
 #[derive(Debug)]
-struct RenderKernel {
-    geometry: RenderGeometry,
-    layout: PsfLayout,
-    scenes: Vec<PlacedScene>,
-    active: Vec<bool>,
-    ready: Option<Arc<PatchKernels>>,
-    shape: [usize; 4],
-    radius: usize,
+pub(super) struct RenderKernel {
+    pub(super) geometry: RenderGeometry,
+    pub(super) layout: PsfLayout,
+    pub(super) scenes: Vec<PlacedScene>,
+    pub(super) active: Vec<bool>,
+    pub(super) ready: Option<Arc<PatchKernels>>,
+    pub(super) shape: [usize; 4],
+    pub(super) radius: usize,
 }
 
 pub(super) const CHECKED: &str = "sizes were checked when the operation was made";
@@ -115,6 +117,11 @@ impl Kernel for RenderKernel {
         let by = by.expect(CHECKED);
         vec![by.values, by.radius.into_iter().map(|v| v as f32).collect()]
     }
+
+    #[cfg(any(feature = "wgpu", feature = "cuda"))]
+    fn device_form(&self) -> Option<&dyn DeviceForm> {
+        Some(self)
+    }
 }
 
 /// Relative illumination of a batch of sensor windows: table `[F,3]` and field radii `[F]` to `[B,3,H,W]`, differentiable in both.
@@ -145,13 +152,30 @@ pub fn illumination_op(
     Ok(apply(Arc::new(kernel), [illumination.into_dispatch(), field_radius_mm.into_dispatch()]))
 }
 
+/// Distance of every pixel of a batch of windows from the optical axis, in units of the corner's, `[B,1,H,W]`.
+///
+/// It is the illumination of a lens that has none on the axis and 1 at the corner.
+pub fn field_map(
+    geometry: &RenderGeometry,
+    placements: &[Placement],
+    [height, width]: [usize; 2],
+    device: &Device,
+) -> Result<Tensor<4>, RenderError> {
+    let field_radius_mm = vec![0.0, geometry.radius_mm(0, 0)];
+    let radii = Tensor::from_data([0.0f32, field_radius_mm[1] as f32], device);
+    let layout = PsfLayout { field_radius_mm, grid: 2, pitch_um: geometry.pixel_um };
+    let table = Tensor::from_data([[0.0f32; CHANNELS], [1.0; CHANNELS]], device);
+    let map = illumination_op(table, radii, &layout, geometry, placements, height, width)?;
+    Ok(map.slice([0..placements.len(), 0..1]))
+}
+
 /// Illumination of a batch of windows as a kernel of table and field radii, linear in the table.
 #[derive(Debug)]
-struct IlluminationKernel {
-    geometry: RenderGeometry,
-    layout: PsfLayout,
-    placements: Vec<Placement>,
-    shape: [usize; 4],
+pub(super) struct IlluminationKernel {
+    pub(super) geometry: RenderGeometry,
+    pub(super) layout: PsfLayout,
+    pub(super) placements: Vec<Placement>,
+    pub(super) shape: [usize; 4],
 }
 
 impl Kernel for IlluminationKernel {
@@ -178,6 +202,11 @@ impl Kernel for IlluminationKernel {
             sum.iter_mut().zip(part).for_each(|(a, b)| *a += b);
         }
         vec![sum, by_radius]
+    }
+
+    #[cfg(any(feature = "wgpu", feature = "cuda"))]
+    fn device_form(&self) -> Option<&dyn DeviceForm> {
+        Some(self)
     }
 }
 

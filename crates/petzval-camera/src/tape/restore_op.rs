@@ -5,6 +5,8 @@ use std::sync::{Arc, OnceLock};
 use burn::prelude::*;
 use rayon::prelude::*;
 
+#[cfg(any(feature = "wgpu", feature = "cuda"))]
+use super::kernel::DeviceForm;
 use super::kernel::{Kernel, View, apply};
 use super::picture;
 use super::render_op::{CHECKED, checked_kernels, same};
@@ -73,10 +75,10 @@ pub fn restore_op(
 
 /// Restoration of a batch as a kernel of pictures, PSF values, field radii and curves.
 #[derive(Debug)]
-struct RestoreKernel {
-    restoration: Restoration,
-    active: Vec<bool>,
-    shape: [usize; 4],
+pub(super) struct RestoreKernel {
+    pub(super) restoration: Restoration,
+    pub(super) active: Vec<bool>,
+    pub(super) shape: [usize; 4],
     /// What the forward pass made, for the backward pass with the same inputs.
     made: OnceLock<Made>,
 }
@@ -168,5 +170,10 @@ impl Kernel for RestoreKernel {
             by_radius = by.radius.into_iter().map(|v| v as f32).collect();
         }
         vec![by_pictures, by_values, by_radius, by.curves.as_flattened().to_vec()]
+    }
+
+    #[cfg(any(feature = "wgpu", feature = "cuda"))]
+    fn device_form(&self) -> Option<&dyn DeviceForm> {
+        Some(self)
     }
 }
