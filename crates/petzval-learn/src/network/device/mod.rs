@@ -4,6 +4,7 @@
 //! Results are contiguous. Sums over pixels run in an order that the shapes alone fix, without atomic operations: the same inputs give the
 //! same bits on every run of a device.
 
+mod conv;
 mod depthwise;
 mod gate;
 mod normalization;

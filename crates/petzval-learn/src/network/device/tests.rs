@@ -11,7 +11,7 @@ use petzval_camera::tape::computes_in_place;
 
 use crate::network::depthwise::Depthwise;
 use crate::network::pointwise::Pointwise;
-use crate::network::{Prologue, depthwise, gated_pointwise, normalized_pointwise, pointwise};
+use crate::network::{Prologue, conv_leaky, depthwise, gated_pointwise, normalized_pointwise, pointwise};
 
 /// Set by those who need the tests to run: then a machine without a device fails.
 const REQUIRED: &str = "PETZVAL_DEVICE_REQUIRED";
@@ -213,6 +213,41 @@ fn pointwise_agrees_with_the_cpu() {
         for wanted in [[true, false, false], [false, true, false], [false, false, true], [true, false, true]]
         {
             layer(CASES[2]).assert_agrees(&device, wanted, Order::Contiguous);
+        }
+    }
+}
+
+#[test]
+fn convolutions_with_a_rectifier_agree_with_the_cpu() {
+    let Some(device) = device() else { return };
+    // Batch, inputs, outputs, height, width; size of the kernel, step, slope. The last ones are several parts of the sum for the bias, and
+    // channels left over in a block.
+    let cases = [
+        ([2, 4, 7, 9, 14], 3, 1, 0.2),
+        ([2, 4, 7, 9, 14], 3, 2, 1.0),
+        ([2, 4, 7, 9, 14], 5, 2, 0.1),
+        ([2, 3, 33, 70, 61], 3, 1, 0.2),
+    ];
+    for (i, ([batch, inputs, outputs, height, width], size, step, slope)) in cases.into_iter().enumerate() {
+        let conv = |x, weight, bias| conv_leaky(x, weight, bias, step, slope);
+        let layer = Layer {
+            name: format!(
+                "{size}x{size}, step {step}, slope {slope}, {batch} x {inputs} x {height} x {width} to {outputs}"
+            ),
+            x: [batch, inputs, height, width],
+            weight: [outputs, inputs, size, size],
+            outputs,
+            apply: &conv,
+        };
+        layer.assert_agrees(&device, ALL, Order::Contiguous);
+        if i > 1 {
+            continue;
+        }
+        for order in [Order::ChannelsLast, Order::Padded] {
+            layer.assert_agrees(&device, ALL, order);
+        }
+        for wanted in [[true, false, false], [false, true, false], [false, false, true]] {
+            layer.assert_agrees(&device, wanted, Order::Contiguous);
         }
     }
 }
