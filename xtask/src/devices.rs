@@ -1,7 +1,8 @@
 //! `cargo xtask devices`: tensors on a GPU, proved on one that every machine can have: a program that is a Vulkan device on the CPU (Mesa's
-//! lavapipe). The command is built with the feature `wgpu`; its check of the device must find no fault; and a short design on it must make the camera
-//! that the CPU makes. Kernels for devices are compared with those of the CPU by tests of their crates.
+//! lavapipe). The command is built with the feature `wgpu`; its check of the device must find no fault; a short design on it must make the camera
+//! that the CPU makes; and the tests of our own kernels for devices must pass.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -24,11 +25,12 @@ const STEPS: &str = "2";
 /// By how much the scores of the two cameras may differ: 1 - LPIPS, and PSNR in dB.
 const LARGEST: [(&str, f64); 2] = [("one_minus_lpips", 1e-5), ("psnr_db", 1e-3)];
 
-/// Test programs of kernels for devices: package and name.
-const TESTS: [(&str, &str); 1] = [("petzval-camera", "device")];
+/// The tests of kernels for devices: a crate, the flags of their program, and the beginning of their names.
+const KERNELS: [(&str, &[&str], &str); 2] =
+    [("petzval-camera", &["--test", "device"], ""), ("petzval-learn", &["--lib"], "network::device::")];
 
-/// What a test of a device prints where there is none.
-const NO_DEVICE: &str = "NOT TESTED";
+/// Set for them: they fail where there is no device. Without it they say so and pass.
+const REQUIRED: &str = "PETZVAL_DEVICE_REQUIRED";
 
 /// How the chore is called.
 pub const USAGE: &str = "cargo xtask devices [--petzval PROGRAM]; the program must have the feature `wgpu`";
@@ -51,35 +53,15 @@ pub fn run(root: &Path, petzval: Option<PathBuf>) -> Result<Ended, String> {
     let petzval = std::path::absolute(petzval).map_err(|e| e.to_string())?;
     let folder = std::env::temp_dir().join(format!("petzval-devices-{}", std::process::id()));
     std::fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
-    let ended = on_software(&petzval, &driver, &folder);
-    let ended = ended.and_then(|ended| kernels(root, &driver).map(|()| ended));
+    let ended = on_software(&petzval, &driver, &folder).and_then(|found| {
+        let tests = kernels(root, &driver)?;
+        Ok(Ended::Passed(format!("{found}; {tests} tests of kernels pass")))
+    });
     // What is left of a failure may be looked at.
     if ended.is_ok() {
         let _ = std::fs::remove_dir_all(&folder);
     }
     ended
-}
-
-/// Compares the kernels for devices with those of the CPU.
-fn kernels(root: &Path, driver: &Path) -> Result<(), String> {
-    for (package, test) in TESTS {
-        let words = ["test", "--release", "--package", package, "--features", "wgpu", "--test", test];
-        println!("cargo {}", words.join(" "));
-        let output = Command::new(env!("CARGO"))
-            .args(words)
-            .args(["--", "--nocapture"])
-            .current_dir(root)
-            .env("VK_DRIVER_FILES", driver)
-            .env("VK_ICD_FILENAMES", driver)
-            .output()
-            .map_err(|e| e.to_string())?;
-        let text =
-            [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text).into_owned()).concat();
-        if !output.status.success() || text.contains(NO_DEVICE) {
-            return Err(format!("{package}, {test}: {text}"));
-        }
-    }
-    Ok(())
 }
 
 /// The description of lavapipe, if the machine has it.
@@ -110,15 +92,48 @@ fn built(root: &Path) -> Result<PathBuf, String> {
     program.next_back().ok_or_else(|| "cargo names no program `petzval`".to_owned())
 }
 
-fn on_software(petzval: &Path, driver: &Path, folder: &Path) -> Result<Ended, String> {
+/// The program of this name, with the one Vulkan device.
+fn with_device(program: impl AsRef<OsStr>, driver: &Path) -> Command {
+    let mut command = Command::new(program);
+    // The newer name and the older one of the loader's list of drivers.
+    command.env("VK_DRIVER_FILES", driver).env("VK_ICD_FILENAMES", driver);
+    command
+}
+
+/// Runs the tests of our kernels on the device; how many there are.
+fn kernels(root: &Path, driver: &Path) -> Result<usize, String> {
+    let mut passed = 0;
+    for (package, program, names) in KERNELS {
+        let words =
+            [&["test", "--release", "--package", package, "--features", "wgpu"], program, &[names]].concat();
+        println!("cargo {}", words.join(" "));
+        let output = with_device(env!("CARGO"), driver)
+            .args(&words)
+            .current_dir(root)
+            .env(REQUIRED, "1")
+            .output()
+            .map_err(|e| e.to_string())?;
+        let stdout = String::from_utf8_lossy(&output.stdout);
+        if !output.status.success() {
+            return Err(format!("{package}: {stdout}{}", String::from_utf8_lossy(&output.stderr)));
+        }
+        passed += passed_tests(&stdout).ok_or_else(|| format!("{package}: no tests `{names}`: {stdout}"))?;
+    }
+    Ok(passed)
+}
+
+/// How many tests passed by the last line of their program; none if there were none.
+fn passed_tests(text: &str) -> Option<usize> {
+    let line = text.lines().rev().find_map(|line| line.strip_prefix("test result: ok. "))?;
+    line.split_whitespace().next()?.parse().ok().filter(|passed| *passed > 0)
+}
+
+fn on_software(petzval: &Path, driver: &Path, folder: &Path) -> Result<String, String> {
     let call = |words: &[&str]| -> Result<String, String> {
         println!("petzval {}", words.join(" "));
-        let output = Command::new(petzval)
+        let output = with_device(petzval, driver)
             .args(words)
             .current_dir(folder)
-            // The newer name and the older one of the loader's list of drivers.
-            .env("VK_DRIVER_FILES", driver)
-            .env("VK_ICD_FILENAMES", driver)
             .output()
             .map_err(|e| format!("{}: {e}", petzval.display()))?;
         let (stdout, stderr) =
@@ -174,7 +189,7 @@ fn on_software(petzval: &Path, driver: &Path, folder: &Path) -> Result<Ended, St
     if verdict["verdict"] != "passed" || tuned == 0 {
         return Err(format!("the run has {tuned} files of tuning, and the verdict {}", verdict["verdict"]));
     }
-    Ok(Ended::Passed(format!(
+    Ok(format!(
         "{}: {tried} convolutions agree within {forward:.1e} forward, {by_input:.1e} and {by_weights:.1e} back ({left_out} left out); \
          {STEPS} steps give {:.7} and {:.5} dB, {:.7} and {:.5} dB on the CPU",
         check["name"].as_str().unwrap_or_default(),
@@ -182,7 +197,7 @@ fn on_software(petzval: &Path, driver: &Path, folder: &Path) -> Result<Ended, St
         wgpu[1],
         cpu[0],
         cpu[1]
-    )))
+    ))
 }
 
 #[cfg(test)]
@@ -192,6 +207,18 @@ mod tests {
     #[test]
     fn words_that_mean_nothing_are_refused() {
         assert_eq!(check(&["--device".to_owned()]).unwrap_err(), [USAGE]);
+    }
+
+    #[test]
+    fn tests_that_did_not_run_are_no_tests() {
+        let line = |passed: usize| {
+            format!(
+                "running {passed} tests\ntest a ... ok\n\ntest result: ok. {passed} passed; 0 failed; 3 ignored\n\n"
+            )
+        };
+        assert_eq!(passed_tests(&line(4)), Some(4));
+        assert_eq!(passed_tests(&line(0)), None);
+        assert_eq!(passed_tests("test result: FAILED. 3 passed; 1 failed"), None);
     }
 
     #[test]

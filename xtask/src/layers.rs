@@ -28,7 +28,11 @@ const ORDER: [&[&str]; 11] = [
 /// Outside crates that only some of ours may use directly, with the reason.
 const RESERVED: [(&str, &[&str], &str); 9] = [
     ("burn", &["petzval-camera", "petzval-learn", "petzval-design"], "the tape is cut at the PSF"),
-    ("burn-cubecl", &["petzval-camera"], "one crate reaches below the framework's tensors"),
+    (
+        "burn-cubecl",
+        &["petzval-camera", "petzval-learn"],
+        "kernels for devices stand beside those for the CPU",
+    ),
     ("maud", &["petzval-report"], "reports are made in one place"),
     ("clap", &["petzval"], "only the command has a command line"),
     ("miette", &["petzval"], "libraries return typed errors"),

@@ -110,6 +110,12 @@ pub fn is_on_host<const D: usize>(x: &Tensor<D>) -> bool {
     x.device().without_autodiff() == Device::flex() && x.dtype() == DType::F32
 }
 
+/// True if [`apply`] computes with tensors like this one without copies: in the memory of the CPU, or by the kernel's [`DeviceForm`].
+pub fn computes_in_place<const D: usize>(kernel: &dyn Kernel, x: &Tensor<D>) -> bool {
+    let serves = |form: &dyn DeviceForm| form.serves(&x.clone().without_autodiff().into_dispatch());
+    is_on_host(x) || kernel.device_form().is_some_and(serves)
+}
+
 /// The tape has a step type for each number of inputs up to this one.
 const MOST_INPUTS: usize = 8;
 

@@ -7,7 +7,7 @@ use burn::prelude::*;
 use burn::tensor::{DType, TensorData};
 
 use super::tests::{tensor, values};
-use super::{DeviceForm, Kernel, View, apply, is_on_host};
+use super::{DeviceForm, Kernel, View, apply, computes_in_place, is_on_host};
 
 /// What a kernel was called with.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -179,10 +179,13 @@ fn a_device_form_takes_the_place_of_the_host_where_it_serves() {
     assert_eq!(product.seen(), seen);
     assert_eq!(values(a.grad(&gradients).unwrap()), vec![10.0, 14.0]);
     assert_eq!(values(b.grad(&gradients).unwrap()), vec![4.0, 6.0]);
+    assert!(computes_in_place(&product, &a));
 
     // It does not serve 64 bits: those go to the host.
     let double = Tensor::<1>::from_data(TensorData::new(vec![2.0f64], [1]), (&Device::flex(), DType::F64));
     let product = Product { has_device_form: true, ..Product::default() };
+    assert!(!computes_in_place(&product, &double));
+    assert!(computes_in_place(&Product::default(), &a) && !computes_in_place(&Product::default(), &double));
     assert_eq!(values(product.of::<1>([double.clone().into_dispatch(), double.into_dispatch()])), vec![4.0]);
     assert!(!product.seen().on_device);
 }

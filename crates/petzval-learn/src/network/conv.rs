@@ -12,7 +12,9 @@ use burn::{
     tensor::{activation::leaky_relu, module::conv2d, ops::ConvOptions},
 };
 
-use petzval_camera::tape::{Kernel, View, apply, is_on_host};
+#[cfg(any(feature = "wgpu", feature = "cuda"))]
+use petzval_camera::tape::DeviceForm;
+use petzval_camera::tape::{Kernel, View, apply, computes_in_place};
 
 use crate::convolution::{self, Convolution, ConvolutionKind};
 
@@ -33,7 +35,7 @@ pub fn conv3x3_leaky(x: Tensor<4>, weight: Tensor<4>, bias: Tensor<1>, slope: f3
 /// Shapes: `x` `[batch, inputs, height, width]`, `weight` `[outputs, inputs, kernel, kernel]` with an odd `kernel` of at most
 /// 15, `bias` `[outputs]`. A `step` of 1 gives `[batch, outputs, height, width]`; a step of 2 keeps the even rows and columns
 /// of that, `[batch, outputs, ceil(height / 2), ceil(width / 2)]`. `slope` is above 0 and at most 1; a slope of 1 gives the
-/// plain convolution. Devices other than the CPU and numbers other than f32 use the framework's own operations.
+/// plain convolution. Numbers other than f32 use the framework's own operations.
 ///
 /// # Panics
 /// Panics if the shapes disagree, as every tensor operation does, or if `kernel`, `step` or `slope` is out of range.
@@ -52,9 +54,9 @@ pub fn conv_leaky(x: Tensor<4>, weight: Tensor<4>, bias: Tensor<1>, step: usize,
         step,
         border: rows / 2,
     });
-    if is_on_host(&x) {
-        let inputs = [x.into_dispatch(), weight.into_dispatch(), bias.into_dispatch()];
-        return apply(Arc::new(ConvLeaky { step, slope }), inputs);
+    let kernel = ConvLeaky { step, slope };
+    if computes_in_place(&kernel, &x) {
+        return apply(Arc::new(kernel), [x.into_dispatch(), weight.into_dispatch(), bias.into_dispatch()]);
     }
     leaky_relu(conv_by_framework(x, weight, bias, step), f64::from(slope))
 }
@@ -66,9 +68,9 @@ pub(crate) fn conv_by_framework(x: Tensor<4>, weight: Tensor<4>, bias: Tensor<1>
 }
 
 #[derive(Debug)]
-struct ConvLeaky {
-    step: usize,
-    slope: f32,
+pub(super) struct ConvLeaky {
+    pub(super) step: usize,
+    pub(super) slope: f32,
 }
 
 impl ConvLeaky {
@@ -97,5 +99,10 @@ impl Kernel for ConvLeaky {
     /// The sign of the value is the branch of the rectifier.
     fn reads_output(&self) -> bool {
         true
+    }
+
+    #[cfg(any(feature = "wgpu", feature = "cuda"))]
+    fn device_form(&self) -> Option<&dyn DeviceForm> {
+        Some(self)
     }
 }

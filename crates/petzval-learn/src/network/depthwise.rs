@@ -10,7 +10,9 @@ use burn::{
     prelude::*,
     tensor::{module::conv2d, ops::ConvOptions},
 };
-use petzval_camera::tape::{Kernel, View, apply, is_on_host};
+#[cfg(any(feature = "wgpu", feature = "cuda"))]
+use petzval_camera::tape::DeviceForm;
+use petzval_camera::tape::{Kernel, View, apply, computes_in_place};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
@@ -21,7 +23,7 @@ use super::planes::PlaneShape;
 /// `y[c, r, s] = bias[c] + sum over i, j of weight[c, i, j] x[c, r + i - k, s + j - k]`, zeros outside, `k = kernel / 2`.
 ///
 /// Shapes: `x` and the result `[batch, channels, height, width]`, `weight` `[channels, kernel, kernel]` with an odd `kernel` of
-/// at most 15, `bias` `[channels]`. Devices other than the CPU and numbers other than f32 use the framework's own operations.
+/// at most 15, `bias` `[channels]`. Numbers other than f32 use the framework's own operations.
 ///
 /// # Panics
 /// Panics if the shapes disagree, as every tensor operation does, or if `kernel` is out of range.
@@ -38,7 +40,7 @@ pub fn depthwise(x: Tensor<4>, weight: Tensor<3>, bias: Tensor<1>) -> Tensor<4> 
         step: 1,
         border: rows / 2,
     });
-    if is_on_host(&x) {
+    if computes_in_place(&Depthwise, &x) {
         return apply(Arc::new(Depthwise), [x.into_dispatch(), weight.into_dispatch(), bias.into_dispatch()]);
     }
     depthwise_by_framework(x, weight, bias)
@@ -52,7 +54,7 @@ pub(crate) fn depthwise_by_framework(x: Tensor<4>, weight: Tensor<3>, bias: Tens
 }
 
 #[derive(Debug)]
-struct Depthwise;
+pub(super) struct Depthwise;
 
 impl Kernel for Depthwise {
     fn forward(&self, inputs: &[View<'_>], _: &[bool]) -> (Vec<f32>, Vec<usize>) {
@@ -131,6 +133,11 @@ impl Kernel for Depthwise {
             for_bias[channel] += part[taps];
         }
         vec![for_x, for_weight, for_bias]
+    }
+
+    #[cfg(any(feature = "wgpu", feature = "cuda"))]
+    fn device_form(&self) -> Option<&dyn DeviceForm> {
+        Some(self)
     }
 }
 

@@ -8,13 +8,15 @@
 //! | [`IspProxy`] | raw mosaic and parameters | what a black-box image signal processor (ISP) develops |
 //! | [`OpticsProxy`] | numbers of a lens and a field | its point spread functions |
 //!
-//! The operations below them are ours on the CPU and the framework's on other devices: [`conv_leaky`], [`depthwise`],
-//! [`pointwise`].
+//! The operations below them are ours: [`conv_leaky`], [`depthwise`], [`pointwise`]. On a GPU they are kernels of our own around the
+//! framework's matrix products and full convolutions.
 
 mod any;
 mod conv;
 mod conv_kernel;
 mod depthwise;
+#[cfg(any(feature = "wgpu", feature = "cuda"))]
+mod device;
 mod guest_network;
 mod input;
 mod isp_proxy;

@@ -7,7 +7,9 @@
 use std::sync::Arc;
 
 use burn::prelude::*;
-use petzval_camera::tape::{Kernel, View, apply, is_on_host};
+#[cfg(any(feature = "wgpu", feature = "cuda"))]
+use petzval_camera::tape::DeviceForm;
+use petzval_camera::tape::{Kernel, View, apply, computes_in_place};
 
 use crate::convolution::{self, Convolution, ConvolutionKind};
 
@@ -16,8 +18,8 @@ use super::pointwise_kernel::{self, PointwiseShape, Prologue, VARIANCE_FLOOR};
 /// `weight x + bias` at every pixel: a 1x1 convolution.
 ///
 /// Shapes: `x` `[batch, inputs, height, width]`, `weight` `[outputs, inputs]`, `bias` `[outputs]`, result
-/// `[batch, outputs, height, width]`. Devices other than the CPU and numbers other than f32 use the framework's own operations,
-/// here and in the two functions below.
+/// `[batch, outputs, height, width]`. Numbers other than f32 use the framework's own operations, here and in the two functions
+/// below.
 ///
 /// # Panics
 /// Panics if the shapes disagree, as every tensor operation does.
@@ -60,9 +62,9 @@ fn mix(prologue: Prologue, x: Tensor<4>, weight: Tensor<2>, bias: Tensor<1>) -> 
         step: 1,
         border: 0,
     });
-    if is_on_host(&x) {
-        let inputs = [x.into_dispatch(), weight.into_dispatch(), bias.into_dispatch()];
-        return apply(Arc::new(Pointwise(prologue)), inputs);
+    let kernel = Pointwise(prologue);
+    if computes_in_place(&kernel, &x) {
+        return apply(Arc::new(kernel), [x.into_dispatch(), weight.into_dispatch(), bias.into_dispatch()]);
     }
     mix_by_framework(prologue, x, weight, bias)
 }
@@ -92,7 +94,7 @@ pub(crate) fn mix_by_framework(
 }
 
 #[derive(Debug)]
-struct Pointwise(Prologue);
+pub(super) struct Pointwise(pub(super) Prologue);
 
 impl Pointwise {
     fn shape(&self, x: &View<'_>, weight: &View<'_>) -> PointwiseShape {
@@ -116,5 +118,10 @@ impl Kernel for Pointwise {
         let (for_x, for_weight, for_bias) =
             pointwise_kernel::backward(shape, x.values, weight.values, gradient, wanted);
         vec![for_x, for_weight, for_bias]
+    }
+
+    #[cfg(any(feature = "wgpu", feature = "cuda"))]
+    fn device_form(&self) -> Option<&dyn DeviceForm> {
+        Some(self)
     }
 }
