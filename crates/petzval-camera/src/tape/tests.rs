@@ -247,3 +247,16 @@ fn clipped_highlights_have_no_gradient() {
         }
     }
 }
+
+#[test]
+fn the_map_of_the_field_has_the_distance_of_every_pixel_to_the_bit() {
+    let geometry = geometry();
+    let placements = [Placement { row: 0, col: 0 }, Placement { row: 21, col: 30 }];
+    let map = values(field_map(&geometry, &placements, [15, 20], &device()).unwrap());
+    let of = |i: usize| {
+        let (at, pixel) = (placements[i / 300], i % 300);
+        let radius_mm = geometry.radius_mm(at.row + pixel / 20, at.col + pixel % 20);
+        (radius_mm / geometry.radius_mm(0, 0)) as f32
+    };
+    assert_eq!(map, (0..2 * 300).map(of).collect::<Vec<_>>());
+}

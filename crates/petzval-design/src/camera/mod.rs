@@ -24,8 +24,8 @@ use petzval_camera::render::{
 };
 use petzval_camera::sensor::{Capture, Exposure, Noise, SensorModel};
 use petzval_camera::tape::{
-    Frames, PlacedScene, Restoration, expose_op, illumination_op, linear_isp_op, on_device, render_op,
-    restore_op, srgb_encode_op,
+    Frames, PlacedScene, Restoration, expose_op, field_map, illumination_op, linear_isp_op, on_device,
+    render_op, restore_op, srgb_encode_op,
 };
 use petzval_learn::dataset::CropPlan;
 use petzval_learn::network::{NetworkInput, PictureNetwork};
@@ -616,17 +616,11 @@ impl Camera {
         restored: Option<Tensor<4>>,
         windows: &[Window],
     ) -> Result<Tensor<4>, DesignError> {
-        let [batch, _, height, width] = developed.dims();
+        let [.., height, width] = developed.dims();
         let body = &self.body;
         let Some(network) = &self.network else { return Ok(srgb_encode_op(restored.unwrap_or(developed))) };
-        let corner_mm = body.geometry.radius_mm(0, 0);
-        let field_of = |window: &Window| {
-            let Placement { row, col } = window.placement;
-            let pixels = (0..height * width).map(move |i| (row + i / width, col + i % width));
-            pixels.map(|(row, col)| (body.geometry.radius_mm(row, col) / corner_mm) as f32)
-        };
-        let field: Vec<f32> = windows.iter().flat_map(field_of).collect();
-        let field = Tensor::from_data(TensorData::new(field, [batch, 1, height, width]), &body.device);
+        let placements: Vec<Placement> = windows.iter().map(|w| w.placement).collect();
+        let field = field_map(&body.geometry, &placements, [height, width], &body.device)?;
         let noise = field.zeros_like() + stabilised_noise(&body.sensor, &body.exposure);
         let encoded = srgb_encode_op(developed);
         let restored = restored.map(srgb_encode_op);
