@@ -1,6 +1,6 @@
 //! Convolution with the kernels of patches, blended from patch to patch, and its transposes, in direct space.
 //!
-//! `out(x) = sum_p w_p(x) sum_d K_p(d) scene(x - d)`, as `render/direct.rs` defines it. A unit sums four neighbouring values of one row, so
+//! `out(x) = sum_p w_p(x) sum_d K_p(d) scene(x - d)`, as `render/direct.rs` defines it. A unit sums eight neighbouring values of one row, so
 //! that each pixel of the scene is read once for all of them. Transposes gather, and add frames in fixed order.
 
 use burn_cubecl::cubecl;
@@ -12,7 +12,7 @@ use crate::image::CHANNELS;
 use crate::render::{PatchKernels, Placement, RenderGeometry, hat};
 
 /// Neighbouring values that one unit sums.
-const AT_ONCE: usize = 4;
+const AT_ONCE: usize = 8;
 
 /// Words of a region: slot, row and column of the patch, first and last-but-one row and column of its pixels.
 const REGION: usize = 7;
@@ -32,7 +32,7 @@ pub struct Blend {
     uppers: CubeTensor,
     /// The place of each patch's kernel.
     of_patch: CubeTensor,
-    /// First column and length of runs of up to four pixels that blend the same columns of patches; `segments` for each frame.
+    /// First column and length of runs of up to [`AT_ONCE`] pixels that blend the same columns of patches; `segments` for each frame.
     runs: CubeTensor,
     /// The patches of each frame with their pixels; `regions` for each frame.
     areas: CubeTensor,
@@ -197,17 +197,28 @@ impl Blend {
     pub fn by_kernels(&self, scenes: &CubeTensor, gradient: &CubeTensor, radius: usize) -> CubeTensor {
         let side = 2 * radius + 1;
         let per_patch = CHANNELS * side * side;
-        let parts = empty(scenes, [self.batch * self.regions * per_patch]);
-        let units = self.batch * self.regions * CHANNELS * side * side.div_ceil(AT_ONCE);
-        let (count, dim) = groups(scenes, units);
+        let planes = self.batch * self.regions * CHANNELS;
+        let weighted = empty(scenes, [planes * self.height * self.width]);
+        let (count, dim) = groups(scenes, planes * self.height * self.width);
+        weigh::launch(
+            &weighted.client,
+            count,
+            dim,
+            gradient.clone().into_buffer_arg(),
+            self.lows.clone().into_buffer_arg(),
+            self.uppers.clone().into_buffer_arg(),
+            self.areas.clone().into_buffer_arg(),
+            weighted.clone().into_buffer_arg(),
+            self.sizes(radius, whole(radius)),
+        );
+        let parts = empty(scenes, [planes * side * side]);
+        let (count, dim) = groups(scenes, planes * side * side.div_ceil(AT_ONCE));
         correlate::launch(
             &parts.client,
             count,
             dim,
             scenes.clone().into_buffer_arg(),
-            gradient.clone().into_buffer_arg(),
-            self.lows.clone().into_buffer_arg(),
-            self.uppers.clone().into_buffer_arg(),
+            weighted.into_buffer_arg(),
             self.areas.clone().into_buffer_arg(),
             parts.clone().into_buffer_arg(),
             self.sizes(radius, whole(radius)),
@@ -280,7 +291,7 @@ struct Sizes {
     cols: usize,
 }
 
-/// Four neighbouring pixels of a row of a picture.
+/// Neighbouring pixels of a row of a picture.
 #[cube(launch)]
 fn convolve(
     scenes: &[f32],
@@ -320,53 +331,49 @@ fn convolve(
             let lower_right = of_patch[lower_row * sizes.patch_cols + right_col] as usize * per_patch + base;
             let of_lower = uppers[axis + row];
             let of_upper = 1.0f32 - of_lower;
-            let mut l0 = 0.0f32;
-            let mut l1 = 0.0f32;
-            let mut l2 = 0.0f32;
-            let mut l3 = 0.0f32;
-            let mut r0 = 0.0f32;
-            let mut r1 = 0.0f32;
-            let mut r2 = 0.0f32;
-            let mut r3 = 0.0f32;
+            let mut left_sums = Array::<f32>::new(AT_ONCE);
+            let mut right_sums = Array::<f32>::new(AT_ONCE);
+            let mut light = Array::<f32>::new(AT_ONCE);
+            #[unroll]
+            for q in 0..AT_ONCE {
+                left_sums[q] = 0.0f32;
+                right_sums[q] = 0.0f32;
+            }
+            let last = scenes.len() - 1;
             for down in 0..sizes.rows {
                 let tap_row = sizes.first_row + down;
                 // Light at the first pixel under the first tap; taps go left from there.
                 let start = scene + (row + side - 1 - tap_row) * stride + first + side - 1 - sizes.first_col;
-                let last = scenes.len() - 1;
-                let mut v1 = scenes[min(start + 1, last)];
-                let mut v2 = scenes[min(start + 2, last)];
-                let mut v3 = scenes[min(start + 3, last)];
+                #[unroll]
+                for q in 1..AT_ONCE {
+                    light[q] = scenes[min(start + q, last)];
+                }
                 let taps = tap_row * side + sizes.first_col;
                 for tap in 0..sizes.cols {
-                    let v0 = scenes[start - tap];
+                    light[0] = scenes[start - tap];
                     // Along a row the weights of upper and lower patches are constant: mix their kernels first.
                     let k = taps + tap;
                     let left = of_upper * kernels[upper_left + k] + of_lower * kernels[lower_left + k];
                     let right = of_upper * kernels[upper_right + k] + of_lower * kernels[lower_right + k];
-                    l0 += left * v0;
-                    l1 += left * v1;
-                    l2 += left * v2;
-                    l3 += left * v3;
-                    r0 += right * v0;
-                    r1 += right * v1;
-                    r2 += right * v2;
-                    r3 += right * v3;
-                    v3 = v2;
-                    v2 = v1;
-                    v1 = v0;
+                    #[unroll]
+                    for q in 0..AT_ONCE {
+                        left_sums[q] += left * light[q];
+                        right_sums[q] += right * light[q];
+                    }
+                    // The next tap sees each pixel one to the left.
+                    #[unroll]
+                    for q in 1..AT_ONCE {
+                        light[AT_ONCE - q] = light[AT_ONCE - q - 1];
+                    }
                 }
             }
             let to = (plane * sizes.height + row) * sizes.width + first;
             let weights = axis + sizes.height + first;
-            out[to] = l0 + uppers[weights] * (r0 - l0);
-            if count > 1 {
-                out[to + 1] = l1 + uppers[weights + 1] * (r1 - l1);
-            }
-            if count > 2 {
-                out[to + 2] = l2 + uppers[weights + 2] * (r2 - l2);
-            }
-            if count > 3 {
-                out[to + 3] = l3 + uppers[weights + 3] * (r3 - l3);
+            #[unroll]
+            for q in 0..AT_ONCE {
+                if q < count {
+                    out[to + q] = left_sums[q] + uppers[weights + q] * (right_sums[q] - left_sums[q]);
+                }
             }
         }
     }
@@ -381,91 +388,84 @@ fn weight(lows: &[u32], uppers: &[f32], at: usize, patch: u32) -> f32 {
     select(is_lower, 1.0f32 - upper, select(is_upper, upper, 0.0f32))
 }
 
-/// Four neighbouring values of the cotangent of a patch's kernel in one frame.
+/// The cotangents of each region: the picture's, weighted by its patch.
 #[cube(launch)]
-fn correlate(
-    scenes: &[f32],
-    gradient: &[f32],
-    lows: &[u32],
-    uppers: &[f32],
-    areas: &[u32],
-    parts: &mut [f32],
-    sizes: Sizes,
-) {
+fn weigh(gradient: &[f32], lows: &[u32], uppers: &[f32], areas: &[u32], weighted: &mut [f32], sizes: Sizes) {
+    let at = ABSOLUTE_POS;
+    if at < weighted.len() {
+        let col = at % sizes.width;
+        let row = at / sizes.width % sizes.height;
+        let plane = at / (sizes.width * sizes.height);
+        let region = plane / CHANNELS;
+        let frame = region / sizes.regions;
+        let axis = frame * (sizes.height + sizes.width);
+        let of_row = weight(lows, uppers, axis + row, areas[region * REGION + 1]);
+        let of_col = weight(lows, uppers, axis + sizes.height + col, areas[region * REGION + 2]);
+        let from = (frame * CHANNELS + plane % CHANNELS) * sizes.height + row;
+        weighted[at] = of_row * of_col * gradient[from * sizes.width + col];
+    }
+}
+
+/// Neighbouring values of the cotangent of a patch's kernel in one frame.
+#[cube(launch)]
+fn correlate(scenes: &[f32], weighted: &[f32], areas: &[u32], parts: &mut [f32], sizes: Sizes) {
     let at = ABSOLUTE_POS;
     let side = 2 * sizes.radius + 1;
     let blocks = side.div_ceil(AT_ONCE);
     let tap_row = at / blocks % side;
-    let channel = at / (blocks * side) % CHANNELS;
-    let region = at / (blocks * side * CHANNELS);
+    let plane = at / (blocks * side);
+    let region = plane / CHANNELS;
     if region * REGION < areas.len() {
         let first_tap = at % blocks * AT_ONCE;
-        let frame = region / sizes.regions;
-        let plane = frame * CHANNELS + channel;
         let stride = sizes.width + 2 * sizes.radius;
-        let axis = frame * (sizes.height + sizes.width);
-        let columns = axis + sizes.height;
-        let patch_row = areas[region * REGION + 1];
-        let patch_col = areas[region * REGION + 2];
+        let scene =
+            (region / sizes.regions * CHANNELS + plane % CHANNELS) * (sizes.height + 2 * sizes.radius);
         let first_row = areas[region * REGION + 3] as usize;
         let last_row = areas[region * REGION + 4] as usize;
         let first_col = areas[region * REGION + 5] as usize;
         let last_col = areas[region * REGION + 6] as usize;
-        let mut sum0 = 0.0f32;
-        let mut sum1 = 0.0f32;
-        let mut sum2 = 0.0f32;
-        let mut sum3 = 0.0f32;
+        let mut sums = Array::<f32>::new(AT_ONCE);
+        let mut of_row = Array::<f32>::new(AT_ONCE);
+        let mut light = Array::<f32>::new(AT_ONCE);
+        #[unroll]
+        for q in 0..AT_ONCE {
+            sums[q] = 0.0f32;
+        }
         for row in first_row..last_row {
-            let of_row = weight(lows, uppers, axis + row, patch_row);
             let bars = (plane * sizes.height + row) * sizes.width;
-            let scene_row = plane * (sizes.height + 2 * sizes.radius) + row + side - 1 - tap_row;
-            // Light at column 0 under the first of the four taps; the others lie left of it.
-            let start = scene_row * stride + side - 1 - first_tap;
-            let mut v1 = 0.0f32;
-            let mut v2 = 0.0f32;
-            let mut v3 = 0.0f32;
-            if start + first_col >= 3 {
-                v1 = scenes[start + first_col - 1];
-                v2 = scenes[start + first_col - 2];
-                v3 = scenes[start + first_col - 3];
-            } else {
-                if start + first_col >= 1 {
-                    v1 = scenes[start + first_col - 1];
-                }
-                if start + first_col >= 2 {
-                    v2 = scenes[start + first_col - 2];
+            // Light at column 0 under the first tap; the others lie left of it.
+            let start = (scene + row + side - 1 - tap_row) * stride + side - 1 - first_tap;
+            #[unroll]
+            for q in 0..AT_ONCE {
+                of_row[q] = 0.0f32;
+                light[q] = 0.0f32;
+                if start + first_col >= q {
+                    light[q] = scenes[start + first_col - q];
                 }
             }
-            let mut row0 = 0.0f32;
-            let mut row1 = 0.0f32;
-            let mut row2 = 0.0f32;
-            let mut row3 = 0.0f32;
             for col in first_col..last_col {
-                let v0 = scenes[start + col];
-                let bar = gradient[bars + col] * weight(lows, uppers, columns + col, patch_col);
-                row0 += bar * v0;
-                row1 += bar * v1;
-                row2 += bar * v2;
-                row3 += bar * v3;
-                v3 = v2;
-                v2 = v1;
-                v1 = v0;
+                light[0] = scenes[start + col];
+                let bar = weighted[bars + col];
+                #[unroll]
+                for q in 0..AT_ONCE {
+                    of_row[q] += bar * light[q];
+                }
+                #[unroll]
+                for q in 1..AT_ONCE {
+                    light[AT_ONCE - q] = light[AT_ONCE - q - 1];
+                }
             }
-            sum0 += of_row * row0;
-            sum1 += of_row * row1;
-            sum2 += of_row * row2;
-            sum3 += of_row * row3;
+            #[unroll]
+            for q in 0..AT_ONCE {
+                sums[q] += of_row[q];
+            }
         }
-        let to = ((region * CHANNELS + channel) * side + tap_row) * side + first_tap;
-        parts[to] = sum0;
-        if first_tap + 1 < side {
-            parts[to + 1] = sum1;
-        }
-        if first_tap + 2 < side {
-            parts[to + 2] = sum2;
-        }
-        if first_tap + 3 < side {
-            parts[to + 3] = sum3;
+        let to = (plane * side + tap_row) * side + first_tap;
+        #[unroll]
+        for q in 0..AT_ONCE {
+            if first_tap + q < side {
+                parts[to + q] = sums[q];
+            }
         }
     }
 }
