@@ -8,10 +8,10 @@ import { chromium } from "playwright-core";
 
 const ROOT = resolve(import.meta.dirname, "../../../..");
 export const PETZVAL = process.env.PETZVAL ?? join(ROOT, "target/release/petzval");
-const CHROMIUM = process.env.CHROMIUM ?? "/usr/bin/chromium";
+export const CHROMIUM = process.env.CHROMIUM ?? "/usr/bin/chromium";
 
 /** What Debian's chromium needs where it has no display, no user of its own and no network. */
-const FLAGS = [
+export const FLAGS = [
   "--no-sandbox",
   "--disable-gpu",
   "--disable-quic",
@@ -39,20 +39,22 @@ export async function startStudio(words = [], folder = mkdtempSync(join(tmpdir()
     child.kill(signal);
     await ended;
   };
-  return { url, folder, stop, port: new URL(url).port };
+  return { url, folder, stop, port: new URL(url).port, pid: child.pid };
 }
 
 /** A folder with the page as `npm run build` made it, in place of the one in the command: the page is tried without building the command anew. */
-const PAGE = process.env.PAGE;
+export const PAGE = process.env.PAGE;
+
+/** The file of that folder for the address of a script or of styles, whose name in the command is another one. */
+export function partOf(url) {
+  const folder = join(PAGE, "assets");
+  const ending = extname(new URL(url).pathname);
+  return join(folder, readdirSync(folder).find((name) => name.endsWith(ending)));
+}
 
 /** Lets the pages of a context load their script and their styles from that folder, if one is named. */
 export async function servePage(context) {
-  if (!PAGE) return;
-  const assets = readdirSync(join(PAGE, "assets"));
-  await context.route("**/assets/*", (route) => {
-    const ending = extname(new URL(route.request().url()).pathname);
-    return route.fulfill({ path: join(PAGE, "assets", assets.find((name) => name.endsWith(ending))) });
-  });
+  if (PAGE) await context.route("**/assets/*", (route) => route.fulfill({ path: partOf(route.request().url()) }));
 }
 
 /** How many times as long as on a quiet machine something may take now: others may have the cores. */
