@@ -61,8 +61,8 @@ class DesignRunRun1NewNewRunChangesChanges(TypedDict, total=False):
     steps: int | None
     """Network steps of each variant in place of `training.steps`, or of `isp.steps` where a hardware ISP stands;
     lens steps in proportion. At least 1."""
-    variant: str | None
-    """Make this variant alone, and those from which it starts."""
+    variant: str | list[str] | None
+    """Make this variant or these alone, and those from which they start."""
 
 
 class DesignRunRun1NewNewRunExperimentInput2ExperimentText1TomlText(TypedDict, total=False):
@@ -134,8 +134,8 @@ class DesignCheckRunNewRunChangesChanges(TypedDict, total=False):
     steps: int | None
     """Network steps of each variant in place of `training.steps`, or of `isp.steps` where a hardware ISP stands;
     lens steps in proportion. At least 1."""
-    variant: str | None
-    """Make this variant alone, and those from which it starts."""
+    variant: str | list[str] | None
+    """Make this variant or these alone, and those from which they start."""
 
 
 class DesignCheckRunNewRunExperimentInput2ExperimentText1TomlText(TypedDict, total=False):
@@ -184,8 +184,8 @@ class DesignConfigRunNewRunChangesChanges(TypedDict, total=False):
     steps: int | None
     """Network steps of each variant in place of `training.steps`, or of `isp.steps` where a hardware ISP stands;
     lens steps in proportion. At least 1."""
-    variant: str | None
-    """Make this variant alone, and those from which it starts."""
+    variant: str | list[str] | None
+    """Make this variant or these alone, and those from which they start."""
 
 
 class DesignConfigRunNewRunExperimentInput2ExperimentText1TomlText(TypedDict, total=False):
@@ -616,8 +616,8 @@ class ExperimentRunAllChangesChanges(TypedDict, total=False):
     steps: int | None
     """Network steps of each variant in place of `training.steps`, or of `isp.steps` where a hardware ISP stands;
     lens steps in proportion. At least 1."""
-    variant: str | None
-    """Make this variant alone, and those from which it starts."""
+    variant: str | list[str] | None
+    """Make this variant or these alone, and those from which they start."""
 
 
 class Schema(TypedDict, total=False):
