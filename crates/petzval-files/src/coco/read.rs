@@ -198,7 +198,7 @@ pub fn parse_coco(bytes: Vec<u8>, defects: &mut Defects) -> Result<DataSet, File
     let states_form = |record: &Record<AnnotationRecord>| {
         record.table().is_some_and(|record| matches!(record.bbox_mode, Loose::Whole(1)))
     };
-    let states_form = file.annotations.iter().all(states_form);
+    let states_form = !file.annotations.is_empty() && file.annotations.iter().all(states_form);
     let mut data = DataSet { info, licenses, states_form, ..DataSet::default() };
     let image_ids = Ids::of(file.images.iter().filter_map(Record::table).map(|record| &record.id));
     let annotation_ids = Ids::of(file.annotations.iter().filter_map(Record::table).map(|record| &record.id));

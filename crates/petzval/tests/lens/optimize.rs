@@ -51,7 +51,8 @@ fn a_descent_makes_the_spots_smaller_and_keeps_every_step() {
     run_ok(folder.path(), &again);
     let back = self::steps(&run);
     assert_eq!(back[..3], steps[..3]);
-    assert!(back.len() <= 4);
+    // One step straight down, and the best lens of the other ways.
+    assert!(back.len() <= 5, "{}", back.len());
     // Rewind to the beginning.
     run_ok(folder.path(), &["lens", "optimize", "--resume", "run", "--rewind", "0", "--iterations", "0"]);
     assert_eq!(self::steps(&run), steps[..1]);
