@@ -106,9 +106,13 @@ impl DevelopKernel {
             self.is_stabilised(),
         );
         let [of_mosaic, of_words] = [&mosaic, &frames.words].map(|t| t.clone().into_buffer_arg());
-        if self.interpolation.demosaic == Demosaic::Bilinear {
-            let of_planes = planes.clone().into_buffer_arg();
-            bilinear::launch(&mosaic.client, count, dim, of_mosaic, of_words, of_planes, self.sizes());
+        if self.interpolation.demosaic != Demosaic::Menon {
+            let (client, of_planes) = (&mosaic.client, planes.clone().into_buffer_arg());
+            if self.interpolation.demosaic == Demosaic::Malvar {
+                malvar::launch(client, count, dim, of_mosaic, of_words, of_planes, self.sizes());
+            } else {
+                bilinear::launch(client, count, dim, of_mosaic, of_words, of_planes, self.sizes());
+            }
             let none = numbers(&mosaic, &[]);
             return (mosaic, planes, none);
         }
@@ -143,8 +147,7 @@ impl DevelopKernel {
 
 impl DeviceForm for DevelopKernel {
     fn serves(&self, input: &DispatchTensor) -> bool {
-        let is_known = matches!(self.interpolation.demosaic, Demosaic::Bilinear | Demosaic::Menon);
-        is_known && self.sensor.cfa.is_bayer() && is_served(input)
+        self.interpolation.demosaic.is_differentiable() && self.sensor.cfa.is_bayer() && is_served(input)
     }
 
     fn forward(&self, inputs: &[DispatchTensor], _: &[bool]) -> DispatchTensor {
@@ -214,7 +217,7 @@ impl DeviceForm for DevelopKernel {
             bars.into_buffer_arg(),
             of_mosaic.clone().into_buffer_arg(),
             self.sizes(),
-            is_menon,
+            self.interpolation.demosaic,
         );
         // The border goes back to the pixels that it mirrors, and from light to digital numbers.
         let d_raw = empty(&mosaic, [batch, 1, height, width]);
@@ -394,6 +397,40 @@ fn bilinear(mosaic: &[f32], words: &[u32], planes: &mut [f32], sizes: Sizes) {
                 planes[out + place.plane] = mosaic[at];
                 planes[out + 2 * place.plane] = select(place.in_red_row, along, across);
             }
+        }
+    }
+}
+
+/// Bilinear values, corrected by the Laplacian of the measured colour; see `develop/demosaic/malvar.rs`.
+#[cube(launch)]
+fn malvar(mosaic: &[f32], words: &[u32], planes: &mut [f32], sizes: Sizes) {
+    let at = ABSOLUTE_POS;
+    if at < mosaic.len() {
+        let place = place(at, words, &sizes);
+        if is_within(&place, place.row, place.col, 2) {
+            let s = place.stride;
+            let red = place.frame * CHANNELS * place.plane + place.i;
+            let green = red + place.plane;
+            let blue = green + place.plane;
+            let here = mosaic[at];
+            let near_h = mosaic[at - 1] + mosaic[at + 1];
+            let near_v = mosaic[at - s] + mosaic[at + s];
+            let upper = mosaic[at - s - 1] + mosaic[at - s + 1];
+            let diagonal = upper + mosaic[at + s - 1] + mosaic[at + s + 1];
+            let far_h = mosaic[at - 2] + mosaic[at + 2];
+            let far_v = mosaic[at - 2 * s] + mosaic[at + 2 * s];
+            // The colour of the row's other pixels, and that of the column's; or that which the pixel did not measure.
+            let mut of_row = here;
+            let mut of_col = (6.0f32 * here + 2.0f32 * diagonal - 1.5f32 * (far_h + far_v)) / 8.0f32;
+            let mut of_green = (4.0f32 * here + 2.0f32 * (near_h + near_v) - far_h - far_v) / 8.0f32;
+            if place.in_red_row != place.in_red_col {
+                of_green = here;
+                of_row = (5.0f32 * here + 4.0f32 * near_h - diagonal - far_h + 0.5f32 * far_v) / 8.0f32;
+                of_col = (5.0f32 * here + 4.0f32 * near_v - diagonal - far_v + 0.5f32 * far_h) / 8.0f32;
+            }
+            planes[red] = select(place.in_red_row, of_row, of_col);
+            planes[green] = of_green;
+            planes[blue] = select(place.in_red_row, of_col, of_row);
         }
     }
 }
@@ -720,32 +757,60 @@ fn step_back(
     }
 }
 
-/// The cotangent of the bordered mosaic: what the steps gave it and its own colour's, or that of bilinear means.
+/// The cotangent of the bordered mosaic: its own colour's, and what the steps of Menon's method gave it or what neighbours took by the
+/// other methods.
 #[cube(launch)]
 fn measured_back(
     words: &[u32],
     bars: &[f32],
     d_mosaic: &mut [f32],
     sizes: Sizes,
-    #[comptime] is_menon: bool,
+    #[comptime] demosaic: Demosaic,
 ) {
     let at = ABSOLUTE_POS;
     if at < d_mosaic.len() {
         let place = place(at, words, &sizes);
         let first = place.frame * BARS * place.plane;
         let own = first + colour(place.in_red_row, place.in_red_col) * place.plane;
-        let mut sum = bars[own + place.i];
-        if comptime!(is_menon) {
+        let i = own + place.i;
+        let s = place.stride;
+        let is_green = place.in_red_row != place.in_red_col;
+        let mut sum = bars[i];
+        if comptime!(demosaic == Demosaic::Menon) {
             sum += bars[first + CHANNELS * place.plane + place.i];
-        } else if is_within(&place, place.row, place.col, 1) {
-            let s = place.stride;
-            let i = own + place.i;
+        } else if is_within(&place, place.row, place.col, 2) {
+            // Cotangents are zero in the border: what is beyond two pixels of the edge of the frame gives nothing back.
             let edges = bars[i - 1] + bars[i + 1] + bars[i - s] + bars[i + s];
-            if place.in_red_row == place.in_red_col {
-                let corners = bars[i - s - 1] + bars[i - s + 1] + bars[i + s - 1] + bars[i + s + 1];
-                sum += 0.5f32 * edges + 0.25f32 * corners;
+            let corners = bars[i - s - 1] + bars[i - s + 1] + bars[i + s - 1] + bars[i + s + 1];
+            if comptime!(demosaic == Demosaic::Bilinear) {
+                sum += select(is_green, 0.25f32 * edges, 0.5f32 * edges + 0.25f32 * corners);
             } else {
-                sum += 0.25f32 * edges;
+                // The planes of the row's and of the column's colour; at red and blue, of the own and of the opposite one.
+                let red = first + place.i;
+                let blue = red + 2 * place.plane;
+                let row = select(place.in_red_row, red, blue);
+                let col = select(place.in_red_row, blue, red);
+                let row_h = bars[row - 2] + bars[row + 2];
+                let row_v = bars[row - 2 * s] + bars[row + 2 * s];
+                let col_h = bars[col - 2] + bars[col + 2];
+                let col_v = bars[col - 2 * s] + bars[col + 2 * s];
+                if is_green {
+                    let others = bars[row - s - 1]
+                        + bars[row - s + 1]
+                        + bars[row + s - 1]
+                        + bars[row + s + 1]
+                        + bars[col - s - 1]
+                        + bars[col - s + 1]
+                        + bars[col + s - 1]
+                        + bars[col + s + 1];
+                    sum += 0.625f32 * (bars[row] + bars[col]) + 0.25f32 * edges - 0.125f32 * others;
+                    sum += 0.0625f32 * (col_h + row_v) - 0.125f32 * (row_h + col_v);
+                } else {
+                    let green = red + place.plane;
+                    let far = bars[green - 2] + bars[green + 2] + bars[green - 2 * s] + bars[green + 2 * s];
+                    sum += 0.5f32 * bars[green] + 0.75f32 * bars[col] + 0.5f32 * edges + 0.25f32 * corners;
+                    sum -= 0.125f32 * far + 0.1875f32 * (col_h + col_v);
+                }
             }
         }
         d_mosaic[at] = sum;
