@@ -14,7 +14,7 @@ use crate::render::{PatchKernels, Placement, RenderGeometry, hat};
 /// Neighbouring values that one unit sums.
 const AT_ONCE: usize = 8;
 
-/// Words of a region: slot, row and column of the patch, first and last-but-one row and column of its pixels.
+/// Words of a region: slot, row and column of the patch; first row of its pixels and the row after them, and so for columns.
 const REGION: usize = 7;
 
 /// The patches of a batch of windows on a device, and how pixels blend them.

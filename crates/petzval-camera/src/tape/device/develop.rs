@@ -9,40 +9,16 @@ use burn_cubecl::cubecl;
 use burn_cubecl::cubecl::prelude::*;
 use burn_cubecl::tensor::CubeTensor;
 
+use super::bordered::{
+    BARS, BORDER, GREEN, NUMBERS, Sizes, SizesLaunch, Step, colour, is_within, margin_of, mirrored, place,
+};
+use super::develop_back::{begin_back, fold, measured_back, step_back};
 use super::{empty, given, groups, is_served, numbers, taken, words};
 use crate::develop::{Demosaic, Domain, Stabiliser, dark_mean_dn, light_per_dn};
 use crate::image::CHANNELS;
 use crate::sensor::Colour;
 use crate::tape::DeviceForm;
 use crate::tape::develop_op::DevelopKernel;
-
-/// Border around a frame, even so that it keeps the phase of the array: as far as the farthest-reaching method looks.
-const BORDER: usize = 12;
-
-/// Numbers of one capture: dark level, light per digital number of red, green, blue, and the offset of the square root.
-const NUMBERS: usize = 5;
-
-/// Planes of a frame's cotangents: red, green, blue, and the mosaic.
-const BARS: usize = CHANNELS + 1;
-
-/// Distance from the edge of the bordered frame at which each step of Menon's method begins.
-const GREEN: usize = 6;
-const CHROMA_AT_GREEN: usize = 7;
-const OPPOSITE: usize = 8;
-const REFINED_GREEN: usize = 9;
-const REFINED_CHROMA: usize = 10;
-const REFINED_OPPOSITE: usize = 11;
-
-/// Step of an adjoint, in the order of the light.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-enum Step {
-    Green,
-    ChromaAtGreen,
-    Opposite,
-    RefinedGreen,
-    RefinedChroma,
-    RefinedOpposite,
-}
 
 /// A batch with what its kernels read.
 struct Frames {
@@ -106,9 +82,13 @@ impl DevelopKernel {
             self.is_stabilised(),
         );
         let [of_mosaic, of_words] = [&mosaic, &frames.words].map(|t| t.clone().into_buffer_arg());
-        if self.interpolation.demosaic == Demosaic::Bilinear {
-            let of_planes = planes.clone().into_buffer_arg();
-            bilinear::launch(&mosaic.client, count, dim, of_mosaic, of_words, of_planes, self.sizes());
+        if self.interpolation.demosaic != Demosaic::Menon {
+            let (client, of_planes) = (&mosaic.client, planes.clone().into_buffer_arg());
+            if self.interpolation.demosaic == Demosaic::Malvar {
+                malvar::launch(client, count, dim, of_mosaic, of_words, of_planes, self.sizes());
+            } else {
+                bilinear::launch(client, count, dim, of_mosaic, of_words, of_planes, self.sizes());
+            }
             let none = numbers(&mosaic, &[]);
             return (mosaic, planes, none);
         }
@@ -143,8 +123,7 @@ impl DevelopKernel {
 
 impl DeviceForm for DevelopKernel {
     fn serves(&self, input: &DispatchTensor) -> bool {
-        let is_known = matches!(self.interpolation.demosaic, Demosaic::Bilinear | Demosaic::Menon);
-        is_known && self.sensor.cfa.is_bayer() && is_served(input)
+        self.interpolation.demosaic.is_differentiable() && self.sensor.cfa.is_bayer() && is_served(input)
     }
 
     fn forward(&self, inputs: &[DispatchTensor], _: &[bool]) -> DispatchTensor {
@@ -214,7 +193,7 @@ impl DeviceForm for DevelopKernel {
             bars.into_buffer_arg(),
             of_mosaic.clone().into_buffer_arg(),
             self.sizes(),
-            is_menon,
+            self.interpolation.demosaic,
         );
         // The border goes back to the pixels that it mirrors, and from light to digital numbers.
         let d_raw = empty(&mosaic, [batch, 1, height, width]);
@@ -233,73 +212,6 @@ impl DeviceForm for DevelopKernel {
         );
         vec![Some(given(d_raw))]
     }
-}
-
-/// Pixels of a frame without its border.
-#[derive(CubeType, CubeLaunch, Clone, Copy)]
-struct Sizes {
-    height: usize,
-    width: usize,
-}
-
-/// A pixel of a bordered frame.
-#[derive(CubeType, Clone, Copy)]
-struct Place {
-    frame: usize,
-    row: usize,
-    col: usize,
-    /// Index in the frame's plane.
-    i: usize,
-    /// Elements of a row, and of a plane.
-    stride: usize,
-    plane: usize,
-    rows: usize,
-    /// Whether the pixel is in a row, and in a column, with red.
-    in_red_row: bool,
-    in_red_col: bool,
-}
-
-#[cube]
-fn place(at: usize, words: &[u32], sizes: &Sizes) -> Place {
-    let stride = sizes.width + 2 * BORDER;
-    let rows = sizes.height + 2 * BORDER;
-    let plane = rows * stride;
-    let frame = at / plane;
-    let i = at % plane;
-    let row = i / stride;
-    let col = i % stride;
-    // The border is even: it does not change the phase.
-    let in_red_row = row % 2 == words[2 * frame] as usize;
-    let in_red_col = col % 2 == words[2 * frame + 1] as usize;
-    Place { frame, row, col, i, stride, plane, rows, in_red_row, in_red_col }
-}
-
-/// Whether a pixel is at least `margin` from the edge of its bordered frame.
-#[cube]
-fn is_within(place: &Place, row: usize, col: usize, margin: usize) -> bool {
-    row >= margin && row < place.rows - margin && col >= margin && col < place.stride - margin
-}
-
-/// The pixel at which position `at` of a bordered line lands when the outermost pixels are mirrors.
-#[cube]
-fn mirrored(at: usize, len: usize) -> usize {
-    let period = 2 * (len - 1);
-    // Whole periods keep the number positive.
-    let in_period = (at + BORDER * period - BORDER) % period;
-    min(in_period, period - in_period)
-}
-
-/// The colour that a pixel measured: 0, 1, 2.
-#[cube]
-fn colour(in_red_row: bool, in_red_col: bool) -> usize {
-    let mut colour = 1usize;
-    if in_red_row && in_red_col {
-        colour = 0usize;
-    }
-    if !in_red_row && !in_red_col {
-        colour = 2usize;
-    }
-    colour
 }
 
 /// The stabilised value of light; see [`Stabiliser`].
@@ -394,6 +306,40 @@ fn bilinear(mosaic: &[f32], words: &[u32], planes: &mut [f32], sizes: Sizes) {
                 planes[out + place.plane] = mosaic[at];
                 planes[out + 2 * place.plane] = select(place.in_red_row, along, across);
             }
+        }
+    }
+}
+
+/// Bilinear values, corrected by the Laplacian of the measured colour; see `develop/demosaic/malvar.rs`.
+#[cube(launch)]
+fn malvar(mosaic: &[f32], words: &[u32], planes: &mut [f32], sizes: Sizes) {
+    let at = ABSOLUTE_POS;
+    if at < mosaic.len() {
+        let place = place(at, words, &sizes);
+        if is_within(&place, place.row, place.col, 2) {
+            let s = place.stride;
+            let red = place.frame * CHANNELS * place.plane + place.i;
+            let green = red + place.plane;
+            let blue = green + place.plane;
+            let here = mosaic[at];
+            let near_h = mosaic[at - 1] + mosaic[at + 1];
+            let near_v = mosaic[at - s] + mosaic[at + s];
+            let upper = mosaic[at - s - 1] + mosaic[at - s + 1];
+            let diagonal = upper + mosaic[at + s - 1] + mosaic[at + s + 1];
+            let far_h = mosaic[at - 2] + mosaic[at + 2];
+            let far_v = mosaic[at - 2 * s] + mosaic[at + 2 * s];
+            // The colour of the row's other pixels, and that of the column's; or that which the pixel did not measure.
+            let mut of_row = here;
+            let mut of_col = (6.0f32 * here + 2.0f32 * diagonal - 1.5f32 * (far_h + far_v)) / 8.0f32;
+            let mut of_green = (4.0f32 * here + 2.0f32 * (near_h + near_v) - far_h - far_v) / 8.0f32;
+            if place.in_red_row != place.in_red_col {
+                of_green = here;
+                of_row = (5.0f32 * here + 4.0f32 * near_h - diagonal - far_h + 0.5f32 * far_v) / 8.0f32;
+                of_col = (5.0f32 * here + 4.0f32 * near_v - diagonal - far_v + 0.5f32 * far_h) / 8.0f32;
+            }
+            planes[red] = select(place.in_red_row, of_row, of_col);
+            planes[green] = of_green;
+            planes[blue] = select(place.in_red_row, of_col, of_row);
         }
     }
 }
@@ -499,313 +445,5 @@ fn take_step(words: &[u32], steps: &[f32], planes: &mut [f32], sizes: Sizes, #[c
                 }
             }
         }
-    }
-}
-
-/// Where a step begins.
-fn margin_of(step: Step) -> usize {
-    match step {
-        Step::Green => GREEN,
-        Step::ChromaAtGreen => CHROMA_AT_GREEN,
-        Step::Opposite => OPPOSITE,
-        Step::RefinedGreen => REFINED_GREEN,
-        Step::RefinedChroma => REFINED_CHROMA,
-        Step::RefinedOpposite => REFINED_OPPOSITE,
-    }
-}
-
-/// Cotangents of the interpolated planes from those of the picture, in a border of zeros; that of the mosaic is zero.
-#[cube(launch)]
-fn begin_back(
-    d_picture: &[f32],
-    planes: &[f32],
-    numbers: &[f32],
-    bars: &mut [f32],
-    sizes: Sizes,
-    #[comptime] is_stabilised: bool,
-) {
-    let at = ABSOLUTE_POS;
-    let stride = sizes.width + 2 * BORDER;
-    let rows = sizes.height + 2 * BORDER;
-    let plane = rows * stride;
-    if at < bars.len() / BARS {
-        let frame = at / plane;
-        let i = at % plane;
-        let row = i / stride;
-        let col = i % stride;
-        let is_inside =
-            row >= BORDER && row < sizes.height + BORDER && col >= BORDER && col < sizes.width + BORDER;
-        for c in 0..CHANNELS {
-            let mut bar = 0.0f32;
-            if is_inside {
-                let of = (frame * CHANNELS + c) * sizes.height + row - BORDER;
-                bar = d_picture[of * sizes.width + col - BORDER];
-                if comptime!(is_stabilised) {
-                    // The slope of the square that takes values back to light.
-                    let root = (0.25f32 * numbers[frame * NUMBERS + 4]).sqrt();
-                    bar *= 2.0f32 * max(planes[(frame * CHANNELS + c) * plane + i], root);
-                }
-            }
-            bars[(frame * BARS + c) * plane + i] = bar;
-        }
-        bars[(frame * BARS + CHANNELS) * plane + i] = 0.0f32;
-    }
-}
-
-/// The cotangent that a red or blue neighbour of a green pixel gives back, if its direction points here: own colour's plane of the
-/// neighbour is `from`.
-#[cube]
-fn pointed(
-    place: &Place,
-    steps: &[f32],
-    bars: &[f32],
-    row: usize,
-    col: usize,
-    is_column: bool,
-    plane: usize,
-    margin: usize,
-) -> f32 {
-    let mut bar = 0.0f32;
-    if is_within(place, row, col, margin) {
-        let i = row * place.stride + col;
-        let is_along_col = steps[place.frame * place.plane + i] > 0.5f32;
-        if is_along_col == is_column {
-            bar = bars[plane + i];
-        }
-    }
-    bar
-}
-
-/// A cotangent, zero outside the margin.
-#[cube]
-fn within(place: &Place, bars: &[f32], row: usize, col: usize, plane: usize, margin: usize) -> f32 {
-    let mut bar = 0.0f32;
-    if is_within(place, row, col, margin) {
-        bar = bars[plane + row * place.stride + col];
-    }
-    bar
-}
-
-/// The transpose of one step of Menon's method: every pixel gathers from its neighbours.
-#[cube(launch)]
-fn step_back(
-    words: &[u32],
-    steps: &[f32],
-    bars: &[f32],
-    out: &mut [f32],
-    sizes: Sizes,
-    #[comptime] step: Step,
-) {
-    let at = ABSOLUTE_POS;
-    if at < steps.len() {
-        let place = place(at, words, &sizes);
-        let margin = comptime!(margin_of(step));
-        let red = place.frame * BARS * place.plane;
-        let green = red + place.plane;
-        let blue = green + place.plane;
-        let i = place.i;
-        let mut d_red = bars[red + i];
-        let mut d_green = bars[green + i];
-        let mut d_blue = bars[blue + i];
-        let mut d_mosaic = bars[blue + place.plane + i];
-        let is_green = place.in_red_row != place.in_red_col;
-        let is_own = is_within(&place, place.row, place.col, margin);
-        // Nothing is given back to the outermost pixels: no step begins beside them.
-        if is_within(&place, place.row, place.col, 2) {
-            let up = place.row - 1;
-            let down = place.row + 1;
-            let left = place.col - 1;
-            let right = place.col + 1;
-            if comptime!(matches!(step, Step::RefinedChroma | Step::ChromaAtGreen)) {
-                if is_green {
-                    if is_own {
-                        d_green += d_red + d_blue;
-                        d_red = 0.0f32;
-                        d_blue = 0.0f32;
-                    }
-                } else {
-                    // The four green neighbours took this pixel's colour from it.
-                    let own = select(place.in_red_row, red, blue);
-                    let half = 0.5f32
-                        * (within(&place, bars, place.row, left, own, margin)
-                            + within(&place, bars, place.row, right, own, margin)
-                            + within(&place, bars, up, place.col, own, margin)
-                            + within(&place, bars, down, place.col, own, margin));
-                    d_green -= half;
-                    if comptime!(matches!(step, Step::ChromaAtGreen)) {
-                        d_mosaic += half;
-                    } else if place.in_red_row {
-                        d_red += half;
-                    } else {
-                        d_blue += half;
-                    }
-                }
-            } else if is_green {
-                // Neighbours in this row are red where the row is one of red; those in the column are the others. What they gave is the
-                // cotangent of their green, or of the colour that they did not measure.
-                let is_of_green = comptime!(matches!(step, Step::RefinedGreen | Step::Green));
-                let own_in_row = select(place.in_red_row, red, blue);
-                let own_in_col = select(place.in_red_row, blue, red);
-                let mut from_row = green;
-                let mut from_col = green;
-                if comptime!(!is_of_green) {
-                    from_row = own_in_col;
-                    from_col = own_in_row;
-                }
-                let by_row = pointed(&place, steps, bars, place.row, left, false, from_row, margin)
-                    + pointed(&place, steps, bars, place.row, right, false, from_row, margin);
-                let by_col = pointed(&place, steps, bars, up, place.col, true, from_col, margin)
-                    + pointed(&place, steps, bars, down, place.col, true, from_col, margin);
-                let of_red = select(place.in_red_row, by_row, by_col);
-                let of_blue = select(place.in_red_row, by_col, by_row);
-                // `of_red` comes from red pixels.
-                if comptime!(matches!(step, Step::RefinedOpposite)) {
-                    d_red += (of_blue - of_red) / 3.0f32;
-                    d_blue += (of_red - of_blue) / 3.0f32;
-                } else if comptime!(matches!(step, Step::RefinedGreen)) {
-                    d_red -= of_red / 3.0f32;
-                    d_blue -= of_blue / 3.0f32;
-                    d_green += (of_red + of_blue) / 3.0f32;
-                } else if comptime!(matches!(step, Step::Opposite)) {
-                    d_red += 0.5f32 * (of_blue - of_red);
-                    d_blue += 0.5f32 * (of_red - of_blue);
-                } else {
-                    d_mosaic += 0.5f32 * (of_red + of_blue);
-                }
-            } else {
-                if is_own {
-                    let other = select(place.in_red_row, d_blue, d_red);
-                    let mut to_own = 0.0f32;
-                    if comptime!(matches!(step, Step::RefinedOpposite)) {
-                        to_own = other - other / 3.0f32;
-                        if place.in_red_row {
-                            d_blue = other / 3.0f32;
-                        } else {
-                            d_red = other / 3.0f32;
-                        }
-                    } else if comptime!(matches!(step, Step::RefinedGreen)) {
-                        to_own = d_green - d_green / 3.0f32;
-                        d_green /= 3.0f32;
-                    } else if comptime!(matches!(step, Step::Opposite)) {
-                        d_mosaic += other;
-                        if place.in_red_row {
-                            d_blue = 0.0f32;
-                        } else {
-                            d_red = 0.0f32;
-                        }
-                    } else {
-                        d_mosaic += 0.5f32 * d_green;
-                        d_green = 0.0f32;
-                    }
-                    if place.in_red_row {
-                        d_red += to_own;
-                    } else {
-                        d_blue += to_own;
-                    }
-                }
-                if comptime!(matches!(step, Step::Green)) {
-                    // The Laplacian of the pixels two steps away.
-                    let far = pointed(&place, steps, bars, place.row, place.col - 2, false, green, margin)
-                        + pointed(&place, steps, bars, place.row, place.col + 2, false, green, margin)
-                        + pointed(&place, steps, bars, place.row - 2, place.col, true, green, margin)
-                        + pointed(&place, steps, bars, place.row + 2, place.col, true, green, margin);
-                    d_mosaic -= 0.25f32 * far;
-                }
-            }
-        }
-        out[red + i] = d_red;
-        out[green + i] = d_green;
-        out[blue + i] = d_blue;
-        out[blue + place.plane + i] = d_mosaic;
-    }
-}
-
-/// The cotangent of the bordered mosaic: what the steps gave it and its own colour's, or that of bilinear means.
-#[cube(launch)]
-fn measured_back(
-    words: &[u32],
-    bars: &[f32],
-    d_mosaic: &mut [f32],
-    sizes: Sizes,
-    #[comptime] is_menon: bool,
-) {
-    let at = ABSOLUTE_POS;
-    if at < d_mosaic.len() {
-        let place = place(at, words, &sizes);
-        let first = place.frame * BARS * place.plane;
-        let own = first + colour(place.in_red_row, place.in_red_col) * place.plane;
-        let mut sum = bars[own + place.i];
-        if comptime!(is_menon) {
-            sum += bars[first + CHANNELS * place.plane + place.i];
-        } else if is_within(&place, place.row, place.col, 1) {
-            let s = place.stride;
-            let i = own + place.i;
-            let edges = bars[i - 1] + bars[i + 1] + bars[i - s] + bars[i + s];
-            if place.in_red_row == place.in_red_col {
-                let corners = bars[i - s - 1] + bars[i - s + 1] + bars[i + s - 1] + bars[i + s + 1];
-                sum += 0.5f32 * edges + 0.25f32 * corners;
-            } else {
-                sum += 0.25f32 * edges;
-            }
-        }
-        d_mosaic[at] = sum;
-    }
-}
-
-/// The cotangent of each digital number: its pixel's, and those of the border that mirrors it.
-#[cube(launch)]
-fn fold(
-    d_mosaic: &[f32],
-    mosaic: &[f32],
-    numbers: &[f32],
-    words: &[u32],
-    d_raw: &mut [f32],
-    sizes: Sizes,
-    #[comptime] is_stabilised: bool,
-) {
-    let at = ABSOLUTE_POS;
-    if at < d_raw.len() {
-        let stride = sizes.width + 2 * BORDER;
-        let rows = sizes.height + 2 * BORDER;
-        let col = at % sizes.width;
-        let row = at / sizes.width % sizes.height;
-        let frame = at / (sizes.width * sizes.height);
-        let base = frame * rows * stride;
-        let down = 2 * (sizes.height - 1);
-        let across = 2 * (sizes.width - 1);
-        let mut sum = 0.0f32;
-        // A pixel is seen once in each direction of a period; the outermost ones only once.
-        for row_way in 0..2u32 {
-            let mut r = (row + BORDER) % down;
-            if row_way == 1u32 {
-                r = (BORDER + BORDER * down - row) % down;
-            }
-            if row_way == 0u32 || (row != 0 && row != sizes.height - 1) {
-                while r < rows {
-                    for col_way in 0..2u32 {
-                        let mut c = (col + BORDER) % across;
-                        if col_way == 1u32 {
-                            c = (BORDER + BORDER * across - col) % across;
-                        }
-                        if col_way == 0u32 || (col != 0 && col != sizes.width - 1) {
-                            while c < stride {
-                                sum += d_mosaic[base + r * stride + c];
-                                c += across;
-                            }
-                        }
-                    }
-                    r += down;
-                }
-            }
-        }
-        let in_red_row = row % 2 == words[2 * frame] as usize;
-        let in_red_col = col % 2 == words[2 * frame + 1] as usize;
-        let of = frame * NUMBERS;
-        if comptime!(is_stabilised) {
-            // The slope of the root, by the root itself: 1 / (2 root), and no steeper than where its straight line begins.
-            let root = mosaic[base + (row + BORDER) * stride + col + BORDER];
-            sum /= 2.0f32 * max(root, (0.25f32 * numbers[of + 4]).sqrt());
-        }
-        d_raw[at] = sum * numbers[of + 1 + colour(in_red_row, in_red_col)];
     }
 }

@@ -3,8 +3,10 @@
 //! Each file here gives the kernel of one operation its [`DeviceForm`](super::DeviceForm). A form computes what the kernel computes on the
 //! host, in 32 bits. Only PSFs, numbers of captures and data of new scenes cross between host and device.
 
+mod bordered;
 mod convolve;
 mod develop;
+mod develop_back;
 mod draws;
 mod expose;
 mod render;
