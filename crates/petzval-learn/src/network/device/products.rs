@@ -13,8 +13,11 @@ use super::pixels::place;
 use super::sums::sum_of_parts;
 use super::{address_type, empty};
 
-/// Pixels of a tile of products.
-const TILE: usize = 16;
+/// Pixels of a tile of products at most.
+const MOST_OF_A_TILE: usize = 64;
+
+/// Values that the units of a cube share at most: every device has 16 KiB for them.
+const SHARED: usize = 4096;
 
 /// Units of a cube in each direction, inputs and outputs.
 const SIDE: usize = 16;
@@ -22,9 +25,9 @@ const SIDE: usize = 16;
 /// Outputs or inputs of a unit at most.
 const MOST_OF_A_UNIT: usize = 4;
 
-/// Cubes, about, and tiles that one of them sums at least.
+/// Cubes, about, and pixels that one of them sums at least.
 const CUBES: usize = 1024;
-const TILES_OF_A_PART: usize = 16;
+const PIXELS_OF_A_PART: usize = 512;
 
 /// `dw[o, i] = sum over pictures and pixels of g[o, p] n[i, p]` and `db[o] = sum of g[o, p]`, of some pixels of all pictures; `n` is what the
 /// prologue makes of `x`.
@@ -43,6 +46,7 @@ fn sum_products(
     for_bias: &mut Tensor<f32>,
     tiles: usize,
     #[comptime] is_gated: bool,
+    #[comptime] tile_pixels: usize,
     #[comptime] of_outputs: usize,
     #[comptime] of_inputs: usize,
 ) {
@@ -52,8 +56,8 @@ fn sum_products(
     // An odd step from pixel to pixel, so that neighbouring units write to different banks.
     let (output_step, input_step) = comptime![(SIDE * of_outputs + 1, SIDE * of_inputs + 1)];
     let units = comptime![SIDE * SIDE];
-    let mut pulled = Shared::<[f32]>::new_slice(comptime![TILE * (SIDE * of_outputs + 1)]);
-    let mut near = Shared::<[f32]>::new_slice(comptime![TILE * (SIDE * of_inputs + 1)]);
+    let mut pulled = Shared::<[f32]>::new_slice(comptime![tile_pixels * (SIDE * of_outputs + 1)]);
+    let mut near = Shared::<[f32]>::new_slice(comptime![tile_pixels * (SIDE * of_inputs + 1)]);
 
     // Which outputs, inputs and tiles this cube sums.
     let (output_blocks, input_blocks) = (outputs.div_ceil(across_outputs), inputs.div_ceil(across_inputs));
@@ -64,7 +68,7 @@ fn sum_products(
     if part >= for_bias.shape(0) {
         terminate!();
     }
-    let tiles_of_a_picture = pixels.div_ceil(TILE);
+    let tiles_of_a_picture = pixels.div_ceil(tile_pixels);
     let last = clamp_max((part + 1) * tiles, batch * tiles_of_a_picture);
     let (unit, output, input) = (UNIT_POS as usize, UNIT_POS_Y as usize, UNIT_POS_X as usize);
     let sums_bias = input_block == 0 && input == 0;
@@ -74,13 +78,13 @@ fn sum_products(
     let mut outer = Array::<f32>::new(of_outputs);
     for tile in part * tiles..last {
         let item = tile / tiles_of_a_picture;
-        let first_pixel = tile % tiles_of_a_picture * TILE;
+        let first_pixel = tile % tiles_of_a_picture * tile_pixels;
 
         // Copy the tile, with zeros beyond the picture and its channels.
         #[unroll]
-        for step in 0..of_outputs {
+        for step in 0..comptime![tile_pixels * of_outputs / SIDE] {
             let value = unit + step * units;
-            let (pixel, channel) = (value % TILE, value / TILE);
+            let (pixel, channel) = (value % tile_pixels, value / tile_pixels);
             let mut copied = 0.0f32;
             if first_pixel + pixel < pixels && first_output + channel < outputs {
                 let from = place(gradient, item, first_pixel + pixel);
@@ -89,9 +93,9 @@ fn sum_products(
             pulled[pixel * output_step + channel] = copied;
         }
         #[unroll]
-        for step in 0..of_inputs {
+        for step in 0..comptime![tile_pixels * of_inputs / SIDE] {
             let value = unit + step * units;
-            let (pixel, channel) = (value % TILE, value / TILE);
+            let (pixel, channel) = (value % tile_pixels, value / tile_pixels);
             let mut copied = 0.0f32;
             if first_pixel + pixel < pixels && first_input + channel < inputs {
                 let from = place(x, item, first_pixel + pixel) + (first_input + channel) * x.stride(1);
@@ -110,7 +114,7 @@ fn sum_products(
         sync_cube();
 
         // Multiply every output of the unit with every input, pixel by pixel.
-        for pixel in 0..TILE {
+        for pixel in 0..tile_pixels {
             #[unroll]
             for o in 0..of_outputs {
                 outer[o] = pulled[pixel * output_step + output + o * SIDE];
@@ -163,9 +167,12 @@ pub fn sums_of_products(
     let inputs = if is_gated { channels / 2 } else { channels };
     let [of_outputs, of_inputs] = [outputs, inputs].map(|n| n.div_ceil(SIDE).min(MOST_OF_A_UNIT));
     let blocks = outputs.div_ceil(SIDE * of_outputs) * inputs.div_ceil(SIDE * of_inputs);
+    // As large tiles as fit, so that units wait for each other as seldom as possible.
+    let step = SIDE * (of_outputs + of_inputs) + 2;
+    let tile_pixels = 1 << (SHARED / step).min(MOST_OF_A_TILE).ilog2();
     // As many parts as keep the device busy; from the shapes alone, because the order of the sum follows from them.
-    let all_tiles = batch * (height * width).div_ceil(TILE);
-    let tiles = all_tiles.div_ceil(CUBES.div_ceil(blocks)).max(TILES_OF_A_PART);
+    let all_tiles = batch * (height * width).div_ceil(tile_pixels);
+    let tiles = all_tiles.div_ceil(CUBES.div_ceil(blocks)).max(PIXELS_OF_A_PART / tile_pixels);
     let parts = all_tiles.div_ceil(tiles);
     let for_weight = empty([parts, outputs, inputs], &x);
     let for_bias = empty([parts, outputs], &x);
@@ -187,6 +194,7 @@ pub fn sums_of_products(
         for_bias.clone().into_tensor_arg(),
         tiles,
         is_gated,
+        tile_pixels,
         of_outputs,
         of_inputs,
     );
