@@ -99,7 +99,7 @@ pub struct Packed {
 }
 
 impl Packed {
-    /// The response of a call, of which the texts of these keys are base64. Keys that hold something else stay as they are; none where no key holds
+    /// The response of a call. The texts of these keys in it are base64. Keys that hold something else stay as they are; none where no key holds
     /// such a text.
     pub fn new(id: u64, response: &mut Value, keys: &[String]) -> Option<Self> {
         let mut behind = Vec::new();

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::{CHANNELS, LinearImage, srgb_encode};
 
-/// Parts of equal width between black and white, for each of which the table has a byte to begin with. A part is narrower than any byte: the light of
+/// Parts of equal width between black and white. The table has a byte to begin with for each. A part is narrower than any byte: the light of
 /// the narrowest ones, near black, is `1 / (12.92 * 255)` wide.
 const PARTS: usize = 4096;
 

@@ -12,7 +12,7 @@
 
 mod develop_op;
 #[cfg(any(feature = "wgpu", feature = "cuda"))]
-mod device;
+pub mod device;
 mod expose_op;
 mod frames;
 mod kernel;

@@ -97,7 +97,7 @@ pub fn ln(x: f32) -> f32 {
     let m = f32::reinterpret((above & 0x007F_FFFFu32) + 0x3F35_04F3u32);
     let e = f32::cast_from((above + 0x3F80_0000u32) >> 23u32) - 127.0f32;
     let fraction = twice_atanh((m - 1.0f32) / (m + 1.0f32));
-    // ln 2 in two parts, of which the first has few bits.
+    // ln 2 in two parts; the first has few bits.
     e * 0.693_359_4f32 + (fraction + e * -2.121_944_4e-4f32)
 }
 

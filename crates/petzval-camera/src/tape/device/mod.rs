@@ -22,23 +22,27 @@ use burn_cubecl::ops::numeric::empty_device_contiguous_dtype;
 use burn_cubecl::tensor::CubeTensor;
 
 /// True for tensors of f32 on a device.
-fn is_served(input: &DispatchTensor) -> bool {
+pub fn is_served(input: &DispatchTensor) -> bool {
     matches!(&input.kind, DispatchTensorKind::Cube(tensor) if tensor.dtype() == DType::F32)
+}
+
+/// The tensor of a device as it lies in memory; none of other devices, or with a tape.
+pub fn tensor_of(tensor: &DispatchTensor) -> Option<CubeTensor> {
+    <DispatchTensor as DispatchKindConversion<Cube>>::try_into_backend(tensor.clone()).ok().map(|t| t.float())
 }
 
 /// The tensor of a device, its values row by row in memory.
 fn taken(tensor: &DispatchTensor) -> CubeTensor {
-    let found = <DispatchTensor as DispatchKindConversion<Cube>>::try_into_backend(tensor.clone());
-    into_contiguous(found.expect("forms serve tensors of devices").float())
+    into_contiguous(tensor_of(tensor).expect("forms serve tensors of devices"))
 }
 
-/// The reverse of [`taken`].
-fn given(tensor: CubeTensor) -> DispatchTensor {
+/// The reverse of [`tensor_of`].
+pub fn given(tensor: CubeTensor) -> DispatchTensor {
     <DispatchTensor as DispatchKindConversion<Cube>>::from_backend(BackendTensor::Float(tensor))
 }
 
-/// Memory for values on the device of a tensor.
-fn empty(like: &CubeTensor, shape: impl Into<Shape>) -> CubeTensor {
+/// Contiguous memory for values on the device of a tensor. They are not set.
+pub fn empty(like: &CubeTensor, shape: impl Into<Shape>) -> CubeTensor {
     empty_device_contiguous_dtype(like.client.clone(), like.device.clone(), shape.into(), DType::F32)
 }
 

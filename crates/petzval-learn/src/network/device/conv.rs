@@ -16,7 +16,7 @@ use petzval_camera::tape::DeviceForm;
 use crate::network::conv::ConvLeaky;
 
 use super::sums::sum_of_parts;
-use super::{address_type, empty, erased, serves, tensors};
+use super::{address_type, empty, given, is_served, tensors};
 
 /// Units of a cube that takes cotangents back.
 const UNITS: usize = 256;
@@ -32,7 +32,7 @@ const COMPARED: &str = "the layer has compared the shapes";
 
 impl DeviceForm for ConvLeaky {
     fn serves(&self, input: &DispatchTensor) -> bool {
-        serves(input)
+        is_served(input)
     }
 
     fn forward(&self, inputs: &[DispatchTensor], _: &[bool]) -> DispatchTensor {
@@ -40,7 +40,7 @@ impl DeviceForm for ConvLeaky {
         let [x, weight, bias] = tensors([x, weight, bias]);
         let options = options(self.step, &weight);
         let y = conv_forward::<2>(x, weight, Some(bias), options, Default::default()).expect(COMPARED);
-        erased(if self.slope < 1.0 { rectified(y, self.slope) } else { y })
+        given(if self.slope < 1.0 { rectified(y, self.slope) } else { y })
     }
 
     fn backward(
@@ -66,14 +66,14 @@ impl DeviceForm for ConvLeaky {
             let pulled = pulled.clone();
             let found =
                 conv_data_backward::<2>(pulled, weight.clone(), x.shape(), options(), Default::default());
-            erased(found.expect(COMPARED))
+            given(found.expect(COMPARED))
         });
         let for_weight = wanted[1].then(|| {
             let (x, pulled) = (x.clone(), pulled.clone());
             let found = conv_weight_backward::<2>(x, pulled, weight.shape(), options(), Default::default());
-            erased(found.expect(COMPARED))
+            given(found.expect(COMPARED))
         });
-        vec![for_x, for_weight, for_bias.map(erased)]
+        vec![for_x, for_weight, for_bias.map(given)]
     }
 }
 
@@ -173,7 +173,7 @@ fn pull_back(
 /// The cotangent behind the rectifier, and its sum for each channel.
 fn pulled_back(g: CubeTensor, y: CubeTensor, slope: f32) -> (CubeTensor, CubeTensor) {
     let [batch, channels, height, width] = g.shape().dims();
-    let pulled = empty([batch, height, width, channels], &g);
+    let pulled = empty(&g, [batch, height, width, channels]);
     let sums = launched(g, Some((y, pulled.clone())), slope);
     (permute_nhwc_to_nchw(pulled), sums)
 }
@@ -188,7 +188,7 @@ fn launched(g: CubeTensor, rectifier: Option<(CubeTensor, CubeTensor)>, slope: f
     let lanes = channels.next_power_of_two().min(MOST_LANES);
     let pixels = UNITS / lanes * VALUES_OF_A_UNIT;
     let parts = (batch * height * width).div_ceil(pixels);
-    let sums = empty([parts, channels], &g);
+    let sums = empty(&g, [parts, channels]);
     let client = g.client.clone();
     let dim = CubeDim::new_1d(UNITS as u32);
     let cubes = calculate_cube_count_elemwise(&client, parts * channels.div_ceil(lanes) * UNITS, dim);

@@ -14,8 +14,9 @@ use petzval_camera::tape::DeviceForm;
 
 use crate::network::depthwise::Depthwise;
 
+use super::pixels::units;
 use super::sums::sum_of_parts;
-use super::{address_type, empty, erased, serves, tensors};
+use super::{address_type, empty, given, is_served, tensors};
 
 /// Kernels up to this size have their loops written out.
 const WRITTEN_OUT: usize = 7;
@@ -31,13 +32,13 @@ const PIXELS_OF_A_PART: usize = 8192;
 
 impl DeviceForm for Depthwise {
     fn serves(&self, input: &DispatchTensor) -> bool {
-        serves(input)
+        is_served(input)
     }
 
     fn forward(&self, inputs: &[DispatchTensor], _: &[bool]) -> DispatchTensor {
         let [x, weight, bias] = inputs else { unreachable!("three inputs") };
         let [x, weight, bias] = tensors([x, weight, bias]);
-        erased(correlated(x, weight, Some(bias)))
+        given(correlated(x, weight, Some(bias)))
     }
 
     fn backward(
@@ -50,10 +51,10 @@ impl DeviceForm for Depthwise {
         let [x, weight, _] = inputs else { unreachable!("three inputs") };
         let [x, weight, gradient] = tensors([x, weight, gradient]);
         let size = weight.shape()[1];
-        let for_x = wanted[0].then(|| erased(correlated(gradient.clone(), weight, None)));
+        let for_x = wanted[0].then(|| given(correlated(gradient.clone(), weight, None)));
         let (for_weight, for_bias) = if wanted[1] || wanted[2] {
             let (for_weight, for_bias) = sums_of_products(x, gradient, size);
-            (wanted[1].then(|| erased(for_weight)), wanted[2].then(|| erased(for_bias)))
+            (wanted[1].then(|| given(for_weight)), wanted[2].then(|| given(for_bias)))
         } else {
             (None, None)
         };
@@ -150,15 +151,13 @@ fn correlate(
 fn correlated(x: CubeTensor, weight: CubeTensor, bias: Option<CubeTensor>) -> CubeTensor {
     let [batch, channels, height, width] = x.shape().dims();
     let size = weight.shape()[1];
-    let y = empty([batch, channels, height, width], &x);
+    let y = empty(&x, [batch, channels, height, width]);
     let weight = into_contiguous(weight);
     let bias = bias.map(|bias| into_contiguous(bias).into_buffer_arg()).into();
 
     let rows = if size <= WRITTEN_OUT { ROWS } else { 1 };
     let client = x.client.clone();
-    let units = batch * channels * height.div_ceil(rows) * width;
-    let dim = CubeDim::new(&client, units);
-    let cubes = calculate_cube_count_elemwise(&client, units, dim);
+    let (dim, cubes) = units(&client, batch * channels * height.div_ceil(rows) * width);
     let address = address_type(&[&x, &weight, &y]);
     let [x, weight] = [x, weight].map(CubeTensor::into_tensor_arg);
     let to = y.clone().into_tensor_arg();
@@ -260,8 +259,8 @@ fn sums_of_products(x: CubeTensor, gradient: CubeTensor, size: usize) -> (CubeTe
     let parts = (batch * height).div_ceil(lines);
     // All sums of a small kernel fit into the registers of a unit; those of a larger one are taken row by row.
     let kernel_rows = if size <= 3 { size } else { 1 };
-    let for_weight = empty([parts, channels, size, size], &x);
-    let for_bias = empty([parts, channels], &x);
+    let for_weight = empty(&x, [parts, channels, size, size]);
+    let for_bias = empty(&x, [parts, channels]);
 
     let client = x.client.clone();
     let dim = CubeDim::new_2d(UNITS[0] as u32, UNITS[1] as u32);

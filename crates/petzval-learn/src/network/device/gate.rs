@@ -34,7 +34,7 @@ fn gate(x: &Tensor<f32>, n: &mut Tensor<f32>) {
 /// The product of the two halves of the channels, contiguous.
 pub fn gated(x: CubeTensor) -> CubeTensor {
     let [batch, channels, height, width] = x.shape().dims();
-    let n = empty([batch, channels / 2, height, width], &x);
+    let n = empty(&x, [batch, channels / 2, height, width]);
     let client = x.client.clone();
     let (dim, cubes) = units(&client, batch * (channels / 2).div_ceil(CHANNELS) * height * width);
     let address = address_type(&[&x, &n]);
@@ -67,7 +67,7 @@ fn ungate(x: &Tensor<f32>, for_n: &Tensor<f32>, for_x: &mut Tensor<f32>) {
 /// The cotangent of the gate's input, contiguous, from that of its value.
 pub fn ungated(x: CubeTensor, for_n: CubeTensor) -> CubeTensor {
     let [batch, channels, height, width] = x.shape().dims();
-    let for_x = empty([batch, channels, height, width], &x);
+    let for_x = empty(&x, [batch, channels, height, width]);
     let for_n = into_contiguous(for_n);
     let client = x.client.clone();
     let (dim, cubes) = units(&client, batch * (channels / 2).div_ceil(CHANNELS) * height * width);

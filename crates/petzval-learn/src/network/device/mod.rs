@@ -13,40 +13,17 @@ mod pointwise;
 mod products;
 mod sums;
 
-use burn::backend::tensor::FloatTensor;
-use burn::backend::{BackendTensor, Cube, DispatchKindConversion, DispatchTensor, TensorMetadata};
-use burn::prelude::*;
-use burn::tensor::DType;
+use burn::backend::DispatchTensor;
 use burn_cubecl::cubecl::prelude::AddressType;
-use burn_cubecl::ops::numeric::empty_device_contiguous_dtype;
 use burn_cubecl::tensor::CubeTensor;
-
-/// True for 32-bit floats on a device of CubeCL.
-fn serves(input: &DispatchTensor) -> bool {
-    input.dtype() == DType::F32 && concrete(input).is_some()
-}
-
-/// The tensor of the back end; none on other devices.
-fn concrete(tensor: &DispatchTensor) -> Option<FloatTensor<Cube>> {
-    <DispatchTensor as DispatchKindConversion<Cube>>::try_into_backend(tensor.clone()).ok().map(|t| t.float())
-}
+use petzval_camera::tape::device::{empty, given, is_served, tensor_of};
 
 /// The tensors of the back end.
 ///
 /// # Panics
 /// Panics if one is on another device or carries a tape: the first input of a form that serves has neither.
 fn tensors<const N: usize>(all: [&DispatchTensor; N]) -> [CubeTensor; N] {
-    all.map(|tensor| concrete(tensor).expect("all tensors of a kernel are on one device, without a tape"))
-}
-
-/// The reverse of [`concrete`].
-fn erased(tensor: CubeTensor) -> DispatchTensor {
-    <DispatchTensor as DispatchKindConversion<Cube>>::from_backend(BackendTensor::Float(tensor))
-}
-
-/// A contiguous tensor of this shape, on the device of `like`. Its values are not set.
-fn empty<const D: usize>(shape: [usize; D], like: &CubeTensor) -> CubeTensor {
-    empty_device_contiguous_dtype(like.client.clone(), like.device.clone(), Shape::from(shape), DType::F32)
+    all.map(|tensor| tensor_of(tensor).expect("all tensors of a kernel are on one device, without a tape"))
 }
 
 /// The address type that reaches every value of these tensors.

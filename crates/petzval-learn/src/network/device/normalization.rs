@@ -83,7 +83,7 @@ fn normalize(x: &Tensor<f32>, n: &mut Tensor<f32>, #[comptime] held: usize) {
 
 pub fn normalized(x: CubeTensor) -> CubeTensor {
     let [batch, channels, height, width] = x.shape().dims();
-    let n = empty([batch, channels, height, width], &x);
+    let n = empty(&x, [batch, channels, height, width]);
     let client = x.client.clone();
     let (dim, cubes) = units(&client, batch * height * width);
     let address = address_type(&[&x, &n]);
@@ -120,7 +120,7 @@ fn find_moments(x: &Tensor<f32>, moments: &mut Tensor<f32>) {
 /// The mean over the channels of every pixel and the factor of its normalisation, `[batch, 2, pixels]`.
 pub fn moments_of(x: CubeTensor) -> CubeTensor {
     let [batch, _, height, width] = x.shape().dims();
-    let moments = empty([batch, 2, height * width], &x);
+    let moments = empty(&x, [batch, 2, height * width]);
     let client = x.client.clone();
     let (dim, cubes) = units(&client, batch * height * width);
     let address = address_type(&[&x, &moments]);
@@ -187,7 +187,7 @@ fn denormalize(
 
 pub fn denormalized(x: CubeTensor, moments: CubeTensor, for_n: CubeTensor) -> CubeTensor {
     let [batch, channels, height, width] = x.shape().dims();
-    let for_x = empty([batch, channels, height, width], &x);
+    let for_x = empty(&x, [batch, channels, height, width]);
     let for_n = into_contiguous(for_n);
     let client = x.client.clone();
     let (dim, cubes) = units(&client, batch * height * width);

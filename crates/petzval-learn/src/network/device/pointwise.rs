@@ -13,11 +13,11 @@ use crate::network::pointwise_kernel::Prologue;
 use super::gate::{gated, ungated};
 use super::normalization::{denormalized, moments_of, normalized};
 use super::products::sums_of_products;
-use super::{erased, serves, tensors};
+use super::{given, is_served, tensors};
 
 impl DeviceForm for Pointwise {
     fn serves(&self, input: &DispatchTensor) -> bool {
-        serves(input)
+        is_served(input)
     }
 
     fn forward(&self, inputs: &[DispatchTensor], _: &[bool]) -> DispatchTensor {
@@ -28,8 +28,8 @@ impl DeviceForm for Pointwise {
         let [outputs, inputs] = weight.dims();
         let n = match self.0 {
             Prologue::Plain => x.clone(),
-            Prologue::Normalize => erased(normalized(picture)),
-            Prologue::Gate => erased(gated(picture)),
+            Prologue::Normalize => given(normalized(picture)),
+            Prologue::Gate => given(gated(picture)),
         };
         let n = Tensor::<4>::from_dispatch(n).reshape([batch, inputs, height * width]);
         let mixed = weight.unsqueeze::<3>().matmul(n).reshape([batch, outputs, height, width]);
@@ -60,11 +60,11 @@ impl DeviceForm for Pointwise {
             match (self.0, &moments) {
                 (Prologue::Normalize, Some(moments)) => {
                     let [for_n] = tensors([&for_n]);
-                    erased(denormalized(x.clone(), moments.clone(), for_n))
+                    given(denormalized(x.clone(), moments.clone(), for_n))
                 }
                 (Prologue::Gate, _) => {
                     let [for_n] = tensors([&for_n]);
-                    erased(ungated(x.clone(), for_n))
+                    given(ungated(x.clone(), for_n))
                 }
                 _ => for_n,
             }
@@ -72,7 +72,7 @@ impl DeviceForm for Pointwise {
 
         let (for_weight, for_bias) = if wanted[1] || wanted[2] {
             let (for_weight, for_bias) = sums_of_products(self.0 == Prologue::Gate, x, moments, pulled);
-            (wanted[1].then(|| erased(for_weight)), wanted[2].then(|| erased(for_bias)))
+            (wanted[1].then(|| given(for_weight)), wanted[2].then(|| given(for_bias)))
         } else {
             (None, None)
         };

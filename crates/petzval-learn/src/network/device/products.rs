@@ -174,8 +174,8 @@ pub fn sums_of_products(
     let all_tiles = batch * (height * width).div_ceil(tile_pixels);
     let tiles = all_tiles.div_ceil(CUBES.div_ceil(blocks)).max(PIXELS_OF_A_PART / tile_pixels);
     let parts = all_tiles.div_ceil(tiles);
-    let for_weight = empty([parts, outputs, inputs], &x);
-    let for_bias = empty([parts, outputs], &x);
+    let for_weight = empty(&x, [parts, outputs, inputs]);
+    let for_bias = empty(&x, [parts, outputs]);
 
     let client = x.client.clone();
     let dim = CubeDim::new_2d(SIDE as u32, SIDE as u32);

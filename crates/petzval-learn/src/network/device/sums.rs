@@ -40,7 +40,7 @@ fn add_parts(parts: &Tensor<f32>, total: &mut Tensor<f32>) {
 
 /// The sums of contiguous `parts`, `[part, ...]`, in this shape.
 pub fn sum_of_parts<const D: usize>(parts: CubeTensor, shape: [usize; D]) -> CubeTensor {
-    let total = empty(shape, &parts);
+    let total = empty(&parts, shape);
     let client = parts.client.clone();
     let dim = CubeDim::new_2d(LANES as u32, ROWS as u32);
     let count = shape.iter().product::<usize>().div_ceil(LANES) * LANES * ROWS;
