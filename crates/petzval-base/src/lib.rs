@@ -5,6 +5,7 @@
 //! | [`FileError`] | an error in a file: line, key, value, and a hint |
 //! | [`reason_and_hint`] | the parts of an error that is one text |
 //! | [`Cancel`] | the flag that stops long work |
+//! | [`Tally`] | how much of parallel work is done, told in ascending order |
 //! | [`parameter`] | the description of a number that a user may set: unit, range, scale, default, sentence |
 //! | [`read_whole`], [`read_text`], [`open_file`] | read files, and refuse what may have no end |
 //! | [`write_whole`] | writes a file completely or not at all |
@@ -32,6 +33,7 @@ pub mod random;
 pub mod simd;
 pub mod statistics;
 pub mod table;
+mod tally;
 mod whole_file;
 
 pub use cancel::{Cancel, Cancelled};
@@ -41,4 +43,5 @@ pub use file_error::{FileError, nearest, quote, reason_and_hint};
 pub use hex::hex;
 pub use part::{LONGEST_NAME, PartFolder, sweep_parts, sweep_parts_in};
 pub use pasted::{is_obeyed, pasted};
+pub use tally::Tally;
 pub use whole_file::{open_file, read_at_most, read_text, read_whole, write_whole};

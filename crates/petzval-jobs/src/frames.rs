@@ -1,8 +1,6 @@
 //! Progress in frames.
 
-use std::sync::Mutex;
-
-use petzval_base::Cancelled;
+use petzval_base::{Cancelled, Tally};
 
 use crate::context::Context;
 
@@ -10,12 +8,12 @@ use crate::context::Context;
 pub(crate) struct Frames<'a> {
     context: &'a Context,
     total: u64,
-    done: Mutex<u64>,
+    done: Tally,
 }
 
 impl<'a> Frames<'a> {
     pub(crate) fn new(context: &'a Context, total: usize) -> Self {
-        Self { context, total: total as u64, done: Mutex::new(0) }
+        Self { context, total: total as u64, done: Tally::default() }
     }
 
     /// Counts one more frame. Fails if the job is cancelled.
@@ -30,9 +28,6 @@ impl<'a> Frames<'a> {
     }
 
     fn report(&self, more: u64, text: &str) {
-        // A watcher that panicked leaves the count as it was.
-        let mut done = self.done.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-        *done += more;
-        self.context.progress(*done, self.total, text);
+        self.done.add(more, |done| self.context.progress(done, self.total, text));
     }
 }

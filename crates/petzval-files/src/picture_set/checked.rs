@@ -4,11 +4,10 @@ use std::collections::{BTreeMap, HashMap};
 use std::io;
 use std::ops::Range;
 use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use petzval_base::{Cancelled, write_whole};
+use petzval_base::{Cancelled, Tally, write_whole};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -137,7 +136,7 @@ pub(crate) fn checked_heads(
         _ => 0,
     };
     let bytes: Vec<u64> = heads.iter().map(bytes).collect();
-    let done = AtomicUsize::new(0);
+    let done = Tally::default();
     let pairs: Vec<_> = pictures.iter().zip(heads).collect();
     let heads = in_batches(&pairs, &bytes, |(picture, head)| {
         let head = match (picture, head) {
@@ -151,7 +150,7 @@ pub(crate) fn checked_heads(
             }
             (_, head) => head.clone(),
         };
-        watch(done.fetch_add(1, Ordering::Relaxed) + 1)?;
+        done.add(1, |done| watch(done as usize))?;
         Ok(head)
     })?;
     Ok((heads, true))

@@ -1,9 +1,8 @@
 //! `lens analyze`: everything that a designer looks at, as pictures and as data.
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
 
-use petzval_base::pasted;
+use petzval_base::{Tally, pasted};
 use petzval_design::lens::view::surfaces;
 use petzval_optics::analysis::{AnalysisError, AnalysisOptions, analyze};
 use petzval_optics::lens::Lens;
@@ -235,9 +234,9 @@ impl Prepared {
 
     fn analysed(&self, context: &Context) -> Result<Analysis, JobError> {
         let Self { name, lens, options } = self;
-        let (done, fields) = (AtomicU64::new(0), lens.fields_deg.len() as u64);
+        let (done, fields) = (Tally::default(), lens.fields_deg.len() as u64);
         let tick = || {
-            context.progress(done.fetch_add(1, Ordering::Relaxed) + 1, fields, "fields");
+            done.add(1, |done| context.progress(done, fields, "fields"));
             context.cancel().check()
         };
         analyze(lens, options, &tick).map_err(|error| match error {

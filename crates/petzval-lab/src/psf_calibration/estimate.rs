@@ -29,9 +29,7 @@
 //! show its chief ray. Lateral colour between channels is kept; the distance between chief ray and centroid is lost, as
 //! distortion is.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
-
-use petzval_base::Cancelled;
+use petzval_base::{Cancelled, Tally};
 use rayon::prelude::*;
 
 use super::PsfCalibrationError;
@@ -156,11 +154,11 @@ pub fn estimate_bank(
         values: Vec::new(),
         illumination: Vec::new(),
     };
-    let done = AtomicUsize::new(0);
+    let done = Tally::default();
     progress(0, fields.len())?;
     let fit = |members: &Vec<usize>| {
         let field = fit_field(places, members, pixel_um);
-        progress(done.fetch_add(1, Ordering::Relaxed) + 1, fields.len())?;
+        done.add(1, |done| progress(done as usize, fields.len()))?;
         Ok(field)
     };
     let fitted: Vec<Fitted> = fields.par_iter().map(fit).collect::<Result<_, Cancelled>>()?;

@@ -7,9 +7,8 @@ mod report;
 mod trials;
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
 
-use petzval_base::Cancelled;
+use petzval_base::{Cancelled, Tally};
 use petzval_design::error::DesignError;
 use petzval_files::{LensFile, ToleranceFile, parse_tolerances};
 use petzval_optics::analysis::first_order_table;
@@ -422,9 +421,9 @@ fn counted<T>(
     total: u64,
     work: impl FnOnce(&(dyn Fn() -> Result<(), Cancelled> + Sync)) -> Result<T, Cancelled>,
 ) -> Result<T, JobError> {
-    let done = AtomicU64::new(0);
+    let done = Tally::default();
     let tick = || {
-        context.progress(done.fetch_add(1, Ordering::Relaxed) + 1, total, text);
+        done.add(1, |done| context.progress(done, total, text));
         context.cancel().check()
     };
     let ended = context.cancel().check().and_then(|()| work(&tick));
