@@ -1,7 +1,7 @@
 //! Least-squares polynomials through values at arbitrary points of a plane.
 
 use crate::powers::{MAX_POWER, Powers, powers_of};
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector, Dyn, QR};
 
 use crate::pupil::Symmetry;
 
@@ -14,8 +14,12 @@ pub(super) struct PlaneFit {
     degree: usize,
     /// Powers of the coordinates of each point.
     points: Vec<[Powers; 2]>,
-    /// Coefficients from values.
-    solve: DMatrix<f64>,
+    /// Every term at each point: values from coefficients.
+    terms: DMatrix<f64>,
+    /// The terms as a product `Q R`: the coefficients of values are `R^-1 Q^T values`. Few values are fitted through the same points, so the
+    /// matrix of that product is not made.
+    qr: QR<f64, Dyn, Dyn>,
+    r: DMatrix<f64>,
 }
 
 impl PlaneFit {
@@ -31,17 +35,23 @@ impl PlaneFit {
             (first..=degree).step_by(step).flat_map(|i| (0..=degree - i).map(move |j| (i, j))).collect();
         let points: Vec<[Powers; 2]> =
             points.iter().map(|point| point.map(|v| powers_of(v, degree))).collect();
-        let value = DMatrix::from_fn(points.len(), powers.len(), |r, c| term(powers[c], &points[r]));
-        let qr = value.qr();
-        let q_t = qr.q().transpose();
-        let solve = qr.r().solve_upper_triangular(&q_t)?;
-        solve.iter().all(|v| v.is_finite()).then_some(Self { powers, degree, points, solve })
+        if points.len() < powers.len() {
+            return None;
+        }
+        let terms = DMatrix::from_fn(points.len(), powers.len(), |r, c| term(powers[c], &points[r]));
+        let qr = terms.clone().qr();
+        let r = qr.r();
+        let is_determined = r.diagonal().iter().all(|v| v.is_finite() && *v != 0.0);
+        is_determined.then_some(Self { powers, degree, points, terms, qr, r })
     }
 
     /// Coefficients of the polynomial through values at the points.
     pub fn fit(&self, values: &[f64]) -> Vec<f64> {
-        let values = nalgebra::DVectorView::from_slice(values, values.len());
-        (&self.solve * values).as_slice().to_vec()
+        let mut turned = DVector::from_column_slice(values);
+        self.qr.q_tr_mul(&mut turned);
+        let mut coefficients = turned.rows(0, self.powers.len()).into_owned();
+        self.r.solve_upper_triangular_mut(&mut coefficients);
+        coefficients.as_slice().to_vec()
     }
 
     /// Adds the cotangents of the values and of their points, from those of the coefficients.
@@ -55,8 +65,11 @@ impl PlaneFit {
         values_bar: &mut [f64],
         points_bar: &mut [[f64; 2]],
     ) {
-        let bar = nalgebra::DVectorView::from_slice(coefficients_bar, coefficients_bar.len());
-        let by_value = self.solve.tr_mul(&bar);
+        // Q R^-T bar, with the terms times R^-1 for Q.
+        let mut bar = DVector::from_column_slice(coefficients_bar);
+        self.r.tr_solve_upper_triangular_mut(&mut bar);
+        self.r.solve_upper_triangular_mut(&mut bar);
+        let by_value = &self.terms * bar;
         for (i, bar) in by_value.iter().enumerate() {
             values_bar[i] += bar;
             let [x, y] = self.slope(coefficients, &self.points[i]);
