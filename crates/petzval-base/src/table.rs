@@ -27,6 +27,21 @@ impl Interval {
         Some(Self { lower, share: (x - from) / (to - from) })
     }
 
+    /// [`in_slice`](Self::in_slice), found from the lower entry of a value nearby: for runs of values that change little.
+    #[inline]
+    pub fn near(x: f64, places: &[f64], lower: usize) -> Option<Self> {
+        let last_interval = places.len().checked_sub(2)?;
+        let mut lower = lower.min(last_interval);
+        while lower < last_interval && places[lower + 1] <= x {
+            lower += 1;
+        }
+        while lower > 0 && places[lower] > x {
+            lower -= 1;
+        }
+        let (from, to) = (places[lower], places[lower + 1]);
+        Some(Self { lower, share: (x - from) / (to - from) })
+    }
+
     /// [`around`](Self::around) in a slice.
     #[inline]
     pub fn in_slice(x: f64, places: &[f64]) -> Option<Self> {
@@ -63,6 +78,16 @@ mod tests {
 
     fn at(x: f64) -> Interval {
         Interval::in_slice(x, &X).unwrap()
+    }
+
+    #[test]
+    fn an_interval_is_the_same_from_wherever_it_is_looked_for() {
+        for x in [f64::NEG_INFINITY, 0.5, 1.0, 1.5, 2.0, 3.9, 4.0, 4.2, 4.5, 9.0] {
+            for start in 0..=X.len() {
+                assert_eq!(Interval::near(x, &X, start), Interval::in_slice(x, &X), "{x} from {start}");
+            }
+            assert_eq!(Interval::near(x, &X[..1], 0), None);
+        }
     }
 
     #[test]

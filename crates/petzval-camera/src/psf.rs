@@ -133,9 +133,20 @@ impl PsfLayout {
     /// The two fields around an image radius and their linear weights `(field_lo, w_lo, w_hi)`; the upper field is
     /// `min(field_lo + 1, fields - 1)`. Beyond the outermost field the result is the outermost field with weight 1.
     pub fn bracket(&self, radius_mm: f64) -> (usize, f64, f64) {
+        self.bracket_at(radius_mm, Interval::in_slice(radius_mm, &self.field_radius_mm))
+    }
+
+    /// [`bracket`](Self::bracket), found from the lower field of a radius nearby.
+    #[inline]
+    pub(crate) fn bracket_near(&self, radius_mm: f64, field_lo: usize) -> (usize, f64, f64) {
+        self.bracket_at(radius_mm, Interval::near(radius_mm, &self.field_radius_mm, field_lo))
+    }
+
+    #[inline]
+    fn bracket_at(&self, radius_mm: f64, interval: Option<Interval>) -> (usize, f64, f64) {
         let radii = &self.field_radius_mm;
         let last = radii.len() - 1;
-        match Interval::in_slice(radius_mm, radii) {
+        match interval {
             Some(Interval { lower, share }) if radius_mm < radii[last] => {
                 let w_hi = share.clamp(0.0, 1.0);
                 (lower, 1.0 - w_hi, w_hi)

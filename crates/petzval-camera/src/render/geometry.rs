@@ -102,7 +102,8 @@ impl RenderGeometry {
     /// Distance of pixel `(row, col)` from the optical axis, mm.
     pub fn radius_mm(&self, row: usize, col: usize) -> f64 {
         let (x, y) = self.position_um(row as f64, col as f64);
-        x.hypot(y) * 1e-3
+        // Sensors are far too small for a square to overflow.
+        (x * x + y * y).sqrt() * 1e-3
     }
 
     /// Centre `(x, y)` of a patch in sensor coordinates, um. Patches are numbered row by row.

@@ -1,5 +1,7 @@
 //! Relative illumination over the sensor: vignetting, the cos^4 law and distortion change the light towards the corners.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::geometry::check_window;
@@ -19,9 +21,20 @@ pub struct RadialWeight {
     pub w_hi: f32,
 }
 
-fn weight(geometry: &RenderGeometry, layout: &PsfLayout, row: usize, col: usize) -> RadialWeight {
-    let (field_lo, w_lo, w_hi) = layout.bracket(geometry.radius_mm(row, col));
-    RadialWeight { field_lo, w_lo: w_lo as f32, w_hi: w_hi as f32 }
+/// The weights of a run of pixels along a row.
+fn row_weights<'a>(
+    geometry: &'a RenderGeometry,
+    layout: &'a PsfLayout,
+    row: usize,
+    cols: Range<usize>,
+) -> impl Iterator<Item = RadialWeight> + 'a {
+    // The fields around a pixel are those around its neighbour, or the next ones.
+    let mut last = 0;
+    cols.map(move |col| {
+        let (field_lo, w_lo, w_hi) = layout.bracket_near(geometry.radius_mm(row, col), last);
+        last = field_lo;
+        RadialWeight { field_lo, w_lo: w_lo as f32, w_hi: w_hi as f32 }
+    })
 }
 
 /// The weights of every pixel of a window, row by row: linear interpolation in image radius.
@@ -34,8 +47,9 @@ pub fn illumination_weights(
 ) -> Result<Vec<RadialWeight>, RenderError> {
     layout.validate()?;
     check_window(geometry, placement, height, width)?;
-    let at = |i: usize| weight(geometry, layout, placement.row + i / width, placement.col + i % width);
-    Ok((0..height * width).into_par_iter().map(at).collect())
+    let cols = placement.col..placement.col + width;
+    let rows = placement.row..placement.row + height;
+    Ok(rows.into_par_iter().flat_map_iter(|row| row_weights(geometry, layout, row, cols.clone())).collect())
 }
 
 /// Relative illumination of every pixel of a window, three planes, from a table `[field][channel]`.
@@ -56,8 +70,8 @@ pub fn illumination_map(
     let (green, blue) = rest.split_at_mut(height * width);
     let lines = |plane| <[f32] as ParallelSliceMut<f32>>::par_chunks_exact_mut(plane, width.max(1));
     lines(red).zip(lines(green)).zip(lines(blue)).enumerate().for_each(|(r, ((red, green), blue))| {
-        for col in 0..width {
-            let w = weight(geometry, layout, placement.row + r, placement.col + col);
+        let cols = placement.col..placement.col + width;
+        for (col, w) in row_weights(geometry, layout, placement.row + r, cols).enumerate() {
             let (lo, hi) = (w.field_lo * CHANNELS, (w.field_lo + 1).min(last) * CHANNELS);
             let value = |c: usize| w.w_lo * illumination[lo + c] + w.w_hi * illumination[hi + c];
             (red[col], green[col], blue[col]) = (value(0), value(1), value(2));

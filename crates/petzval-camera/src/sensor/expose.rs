@@ -222,8 +222,10 @@ fn weigh_colours(
         let period = sensor.cfa.cols();
         let of = |col| sensor.response(sensor.cfa.colour(sensor_row, first_col + col))[channel];
         let tile: Vec<f64> = (0..period).map(of).collect();
-        weights.clear();
-        weights.extend(tile.iter().cycle().take(width));
+        weights.resize(width, 0.0);
+        for of_tile in weights.chunks_mut(period) {
+            of_tile.copy_from_slice(&tile[..of_tile.len()]);
+        }
     }
 }
 

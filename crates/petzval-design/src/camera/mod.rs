@@ -22,7 +22,7 @@ use petzval_camera::psf::PsfBank;
 use petzval_camera::render::{
     KNOTS, PatchKernels, Placement, RenderGeometry, Wiener, Window, kernel_radius, patch_kernels,
 };
-use petzval_camera::sensor::{Capture, Exposure, Noise, SensorModel};
+use petzval_camera::sensor::{Capture, Exposure, Noise, Raw, SensorModel};
 use petzval_camera::tape::{
     Frames, PlacedScene, Restoration, expose_op, field_map, illumination_op, linear_isp_op, on_device,
     render_op, restore_op, srgb_encode_op,
@@ -162,14 +162,14 @@ impl Optics {
     }
 }
 
-/// A shot up to its development, before anything finishes it.
+/// All exposed pixels of a shot up to their development, before anything finishes it.
 pub struct Developed {
-    /// Digital numbers of the mosaic, `[1, 1, height, width]`.
-    pub raw: Tensor<4>,
-    /// Relative illumination of the pixels that development corrects for, `[1, 3, height, width]`.
-    pub illumination: Tensor<4>,
-    /// Linear light, `[1, 3, height, width]`, 1 = white.
-    pub picture: Tensor<4>,
+    /// Digital numbers of the mosaic.
+    pub raw: Raw,
+    /// Relative illumination of the pixels that development corrects for, three planes.
+    pub illumination: LinearImage,
+    /// Linear light, three planes, 1 = white.
+    pub picture: LinearImage,
 }
 
 /// What a camera makes of raw frames.
@@ -431,11 +431,13 @@ impl Camera {
     pub fn developed(&self, shot: &Shot, noise: &Noise) -> Result<Developed, DesignError> {
         let (leaves, shots) = (self.leaves(|leaves| leaves), std::slice::from_ref(shot));
         let (_, [irradiance, illumination]) = self.light_of(&leaves, shots)?;
-        let (captures, kept) = ([self.capture(shot)], [self.kept(shot)]);
-        let raw = expose_op(irradiance, &self.body.sensor, &captures, noise)?;
-        let picture = self.develop(raw.clone(), illumination.clone(), &captures)?;
-        let cut = |frames: Tensor<4>| cut(frames, &captures, &kept);
-        Ok(Developed { raw: cut(raw), illumination: cut(illumination), picture: cut(picture) })
+        let (capture, Body { sensor, isp, .. }) = (self.capture(shot), &*self.body);
+        let raw = expose_op(irradiance, sensor, &[capture], noise)?;
+        let [_, _, height, width] = raw.dims();
+        let raw = Raw { height, width, dn: to_host(raw)?, capture };
+        let illumination = host_image(illumination)?;
+        let picture = isp.develop(&raw, &illumination, sensor)?;
+        Ok(Developed { raw, illumination, picture })
     }
 
     /// The light of shots on the pixels and the relative illumination that development corrects, with the PSFs that it knows.

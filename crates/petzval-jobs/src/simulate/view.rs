@@ -14,7 +14,7 @@ use petzval_camera::isp::{Mesh, RawInput};
 use petzval_camera::render::{Placement, RenderGeometry, Window, kernel_radius, with_patches_for};
 use petzval_camera::sensor::{Colour, Exposure, Raw, SensorModel};
 use petzval_camera::spectral::{Illuminant, SceneKind, apply, d65_white, xyz_of_reflectance};
-use petzval_design::camera::{Body, Camera, Labels, PsfSource, Psfs, Shot, host_image, to_host};
+use petzval_design::camera::{Body, Camera, Labels, PsfSource, Psfs, Shot};
 use petzval_design::error::DesignError;
 use petzval_design::experiment::PsfConfig;
 use petzval_design::lens::psf_plan::PsfPlan;
@@ -215,17 +215,13 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         follows_light: true,
     };
     let taken = kept.camera.developed(&shot, &noise(&simulated))?;
-    let [_, _, height, width] = taken.raw.dims();
-    let mosaic = Raw { height, width, dn: to_host(taken.raw)?, capture: kept.camera.capture(&shot) };
-    let share = saturated_share(&mosaic, &sensor);
+    let share = saturated_share(&taken.raw, &sensor);
     let display_white = Saturation::of(&simulated, &sensor, white_e, share)?.display_white();
     let rgb = match &request.isp {
-        Some(name) => {
-            by_isp(name, &request.set, (&mosaic, &host_image(taken.illumination)?), &sensor, context)?
-        }
-        None => display_bytes(&host_image(taken.picture)?, display_white),
+        Some(name) => by_isp(name, &request.set, (&taken.raw, &taken.illumination), &sensor, context)?,
+        None => display_bytes(&taken.picture, display_white),
     };
-    let raw = raw_bytes(&mosaic, &sensor);
+    let raw = raw_bytes(&taken.raw, &sensor);
     let middle = [window.placement.row + window.height / 2, window.placement.col + window.width / 2];
     let image_radius_mm = body.geometry.radius_mm(middle[0], middle[1]);
     Ok(Response {
