@@ -57,6 +57,7 @@ pub mod report;
 pub mod report_so_far;
 mod results;
 pub mod run_all;
+pub mod run_figures;
 mod run_page;
 pub mod run_view;
 pub mod sensor;

@@ -18,7 +18,8 @@ use crate::context::Context;
 use crate::error::JobError;
 use crate::evaluate::camera_of;
 use crate::event::WarningKind;
-use crate::run_page::{check_figures, warn_of_changed_config, write};
+use crate::run_figures::check_figures;
+use crate::run_page::{warn_of_changed_config, write};
 use crate::simulate::Place;
 
 /// Seed of the noise of whole frames.
@@ -47,10 +48,9 @@ pub struct Response {
 /// Writes the report.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let folder = RunFolder::open(&request.run)?;
-    let metrics = read_metrics(&folder)?;
     let warn = |text: &str| context.warning(WarningKind::ChangedFile, text);
     let check = DigestCheck::new(&folder, &request.accept_changed, &warn);
-    check_figures(&metrics, &check)?;
+    check_figures(&read_metrics(&folder)?, &check)?;
     warn_of_changed_config(&folder, context)?;
     let experiment = context.assets.experiment_of_run(&folder)?;
     let setup = Setup::without_windows(experiment, &context.assets, context.device("cpu")?)?;

@@ -15,7 +15,8 @@ use crate::context::Context;
 use crate::design::scorer;
 use crate::error::JobError;
 use crate::event::WarningKind;
-use crate::run_page::{check_figures, page};
+use crate::run_figures::check_figures;
+use crate::run_page::page;
 
 /// A run.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

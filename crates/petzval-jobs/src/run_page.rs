@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use petzval_design::report::run_report::report_of_run;
-use petzval_design::run::{DigestCheck, Metrics, RunFolder, RunRecord, write_file};
+use petzval_design::run::{RunFolder, RunRecord, write_file};
 use petzval_design::setup::Setup;
 use petzval_report::design_report::{Report, html, sentences};
 
@@ -39,12 +39,6 @@ pub(crate) fn warn_of_missing_pictures(report: &Report, context: &Context) {
     if let Some(files) = &report.left_out {
         context.warning(WarningKind::Picture, files);
     }
-}
-
-/// Refuses a finished run whose figures, events or cameras are not as the run wrote them, unless the user accepts the change.
-pub(crate) fn check_figures(metrics: &Metrics, check: &DigestCheck<'_>) -> Result<(), JobError> {
-    check.check("")?;
-    Ok(check.check_cameras(metrics.rows.iter().map(|row| row.camera.as_str()))?)
 }
 
 /// Warns where `config.toml` is no longer what a finished run was made from: its figures are those of its record.

@@ -10,6 +10,7 @@ use petzval_design::run::picture_names::file_name;
 use petzval_design::run::{Metrics, RunFolder, RunRecord, read_events};
 use petzval_files::raw_file::{RawFrame, RawInfo, load_raw};
 use petzval_jobs::apply::{Cameras, Finished, Place, Taking};
+use petzval_jobs::run_figures::{check_camera, figures};
 use petzval_jobs::{Context, JobError, json, usual};
 use pyo3::prelude::*;
 use serde::Serialize;
@@ -19,9 +20,12 @@ use crate::lens::PyLens;
 use crate::pictures::{Picture, picture_array};
 use crate::watch::{Watch, watched};
 
-/// The folder of a run.
+/// The folder of a run, and the files or folders of it that may have been changed.
 #[pyclass(frozen, name = "Run", module = "petzval._petzval")]
-pub struct PyRun(RunFolder);
+pub struct PyRun {
+    folder: RunFolder,
+    accept_changed: Vec<String>,
+}
 
 /// What Python reads of a run.
 #[derive(Serialize)]
@@ -51,59 +55,66 @@ const STATES: [&str; 3] = ["truth", "developed", "output"];
 #[pymethods]
 impl PyRun {
     #[new]
-    fn new(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        RunFolder::open(&path).map(Self).map_err(|error| exception(py, &error.into()))
+    fn new(py: Python<'_>, path: PathBuf, accept_changed: Vec<String>) -> PyResult<Self> {
+        let folder = RunFolder::open(&path).map_err(|error| exception(py, &error.into()))?;
+        Ok(Self { folder, accept_changed })
     }
 
     /// Facts as JSON.
     fn facts(&self, py: Python<'_>, watch: Watch<'_>) -> PyResult<String> {
         watched(py, &watch, |context| {
-            let experiment = context.assets.experiment_of_run(&self.0)?;
-            let record = RunRecord::read(&self.0)?;
+            let experiment = context.assets.experiment_of_run(&self.folder)?;
+            let record = RunRecord::read(&self.folder)?;
             let about = |record: RunRecord| {
                 let RunRecord { version, begun, finished, .. } = record;
                 serde_json::json!({"version": version, "begun": begun, "finished": finished})
             };
             let cameras: Vec<String> = experiment.variant.iter().map(|v| v.name.clone()).collect();
-            let finished = self.0.finished(cameras.iter().map(String::as_str));
+            let finished = self.folder.finished(cameras.iter().map(String::as_str));
             json(&Facts {
                 name: experiment.name.clone(),
                 seed: experiment.seed,
                 finished: finished.into_iter().map(str::to_owned).collect(),
                 cameras: cameras.clone(),
                 record: record.map(about),
-                report: self.0.report(),
+                report: self.folder.report(),
             })
         })
     }
 
     /// The figures of all cameras as JSON.
     fn metrics(&self, py: Python<'_>, watch: Watch<'_>) -> PyResult<String> {
-        watched(py, &watch, |_| json(&read_metrics(&self.0)?))
+        watched(py, &watch, |context| json(&figures(&self.folder, &self.accept_changed, context)?))
     }
 
     /// Every step as JSON.
     fn events(&self, py: Python<'_>, watch: Watch<'_>) -> PyResult<String> {
-        watched(py, &watch, |_| json(&read_events(&self.0.events())?))
+        watched(py, &watch, |_| json(&read_events(&self.folder.events())?))
     }
 
     /// The lens of a finished camera, or the one that the run began with.
     fn lens(&self, py: Python<'_>, camera: Option<String>, watch: Watch<'_>) -> PyResult<PyLens> {
         let file = watched(py, &watch, |context| match &camera {
-            Some(camera) => Ok(camera_lens(&self.0, camera)?),
-            None => Ok(context.assets.lens(&self.0.nominal_lens().display().to_string())?),
+            Some(camera) => {
+                check_camera(&self.folder, camera, &self.accept_changed, context)?;
+                Ok(camera_lens(&self.folder, camera)?)
+            }
+            None => Ok(context.assets.lens(&self.folder.nominal_lens().display().to_string())?),
         })?;
         Ok(PyLens { file, glasses: Vec::new() })
     }
 
     /// Where the weights of a camera's network are; none if it has no network.
-    fn weights(&self, camera: &str) -> Option<PathBuf> {
-        Some(self.0.camera_weights(camera)).filter(|path| path.is_file())
+    fn weights(&self, py: Python<'_>, camera: &str, watch: Watch<'_>) -> PyResult<Option<PathBuf>> {
+        watched(py, &watch, |context| {
+            check_camera(&self.folder, camera, &self.accept_changed, context)?;
+            Ok(Some(self.folder.camera_weights(camera)).filter(|path| path.is_file()))
+        })
     }
 
     /// The files among its pictures, as JSON.
     fn pictures(&self, py: Python<'_>, watch: Watch<'_>) -> PyResult<String> {
-        watched(py, &watch, |_| json(&pictures(&self.0)?))
+        watched(py, &watch, |_| json(&pictures(&self.folder)?))
     }
 }
 

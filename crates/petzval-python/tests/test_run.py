@@ -106,3 +106,21 @@ def test_what_is_no_run_is_refused(run: pz.Run, run_folder: Path, tmp_path: Path
     lens.write_text(lens.read_text() + "# changed\n")
     with pytest.raises(pz.InputError, match="lens.toml"):
         unfinished.camera("nominal")
+    with pytest.raises(pz.InputError, match="lens.toml"):
+        unfinished.lens("nominal")
+    with pytest.raises(pz.InputError, match="lens.toml"):
+        _ = unfinished.weights
+    with pytest.warns(pz.PetzvalWarning, match="lens.toml"):
+        meant = pz.Run(copy, accept_changed=["cameras/nominal/lens.toml"])
+        assert meant.lens("nominal").surfaces == pz.Run(run_folder).lens("nominal").surfaces
+
+
+def test_edited_figures_are_refused(run_folder: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "copy"
+    shutil.copytree(run_folder, copy)
+    figures = copy / "metrics.json"
+    figures.write_text(figures.read_text().replace('"seed": 1', '"seed": 2', 1) + " ")
+    with pytest.raises(pz.InputError, match="metrics.json is not as the run wrote it"):
+        _ = pz.Run(copy).metrics
+    with pytest.warns(pz.PetzvalWarning, match="metrics.json"):
+        assert pz.Run(copy, accept_changed=["metrics.json"]).metrics["rows"]

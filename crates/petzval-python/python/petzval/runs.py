@@ -137,14 +137,17 @@ class Run:
 
     Args:
         folder: The folder.
+        accept_changed: Files or folders of the run, by their path below it, that may differ from their digests. Everything else that was changed
+            is refused where it is read.
 
     Raises:
         InputError: It is not the folder of a run.
     """
 
-    def __init__(self, folder: str | os.PathLike[str]) -> None:
+    def __init__(self, folder: str | os.PathLike[str], *, accept_changed: Sequence[str] = ()) -> None:
         self.path = Path(path_of("folder", folder))
-        self._core = _petzval.Run(str(self.path))
+        self.accept_changed = tuple(accept_changed)
+        self._core = _petzval.Run(str(self.path), list(self.accept_changed))
 
     @cached_property
     def facts(self) -> dict[str, Any]:
@@ -175,7 +178,7 @@ class Run:
         """The figures of all cameras, as the schema of the job ``design`` says.
 
         Raises:
-            InputError: The run is not finished.
+            InputError: The run is not finished, or a file of it was changed.
         """
         with watch() as watching:
             found: dict[str, Any] = json.loads(self._core.metrics(watching))
@@ -203,7 +206,7 @@ class Run:
         """The lens of a finished camera; without a name, the one that the run began with.
 
         Raises:
-            InputError: There is no finished camera of this name.
+            InputError: There is no finished camera of this name, or a file of it was changed.
         """
         if camera is not None:
             self._check(camera)
@@ -216,14 +219,14 @@ class Run:
         return {name: self.lens(name) for name in self.cameras}
 
     def camera(
-        self, name: str, *, device: str | None = None, accept_changed: Sequence[str] = (), progress: Progress = False
+        self, name: str, *, device: str | None = None, accept_changed: Sequence[str] | None = None, progress: Progress = False
     ) -> RunCamera:
         """A finished camera, which takes pictures and develops raw frames.
 
         Args:
             name: Its name.
             device: Where tensors live; that of the command if left out.
-            accept_changed: Files or folders of the run, by their path below it, that may differ from their digests.
+            accept_changed: Files or folders of the run, by their path below it, that may differ from their digests; those of the run if left out.
             progress: ``True`` for a bar, or a function that takes every event.
 
         Raises:
@@ -231,13 +234,15 @@ class Run:
         """
         self._check(name)
         with watch(progress) as watching:
-            core = _petzval.Cameras(os.fspath(self.path), [name], device, list(accept_changed), watching)
+            accepted = self.accept_changed if accept_changed is None else accept_changed
+            core = _petzval.Cameras(os.fspath(self.path), [name], device, list(accepted), watching)
         return RunCamera(core, self, name)
 
     @property
     def weights(self) -> dict[str, Path]:
         """Files of the weights of networks (safetensors) by camera; cameras without a network are left out."""
-        paths = {name: self._core.weights(name) for name in self.cameras}
+        with watch() as watching:
+            paths = {name: self._core.weights(name, watching) for name in self.cameras}
         return {name: Path(path) for name, path in paths.items() if path is not None}
 
     @property
@@ -264,7 +269,9 @@ class Run:
             photo: A photograph that every camera takes over its whole sensor.
             progress: ``True`` for a bar, or a function that takes every event.
         """
-        request = {"run": self.path} if photo is None else {"run": self.path, "photo": photo}
+        request: dict[str, Any] = {"run": self.path, "accept_changed": self.accept_changed}
+        if photo is not None:
+            request["photo"] = photo
         return Path(jobs.run("report", request, progress=progress)["report"])
 
     def evaluate(self, *, progress: Progress = False, cancel: Cancel | None = None, **request: Any) -> dict[str, Any]:
@@ -275,7 +282,7 @@ class Run:
             cancel: A flag that another thread may set.
             **request: Keys of `petzval.requests.Evaluate`, such as ``psf="diffraction"``.
         """
-        return jobs.run("evaluate", {**request, "run": self.path}, progress=progress, cancel=cancel)
+        return jobs.run("evaluate", {"accept_changed": self.accept_changed, **request, "run": self.path}, progress=progress, cancel=cancel)
 
     def _check(self, camera: str) -> None:
         if camera not in self.cameras:
