@@ -64,6 +64,7 @@ pub fn illumination_map(
     check_len("relative illumination", illumination.len(), layout.fields() * CHANNELS)?;
     layout.validate()?;
     check_window(geometry, placement, height, width)?;
+    let (table, _) = illumination.as_chunks::<CHANNELS>();
     let last = layout.fields() - 1;
     let mut out = LinearImage::zeros(CHANNELS, height, width);
     let (red, rest) = out.data.split_at_mut(height * width);
@@ -72,8 +73,8 @@ pub fn illumination_map(
     lines(red).zip(lines(green)).zip(lines(blue)).enumerate().for_each(|(r, ((red, green), blue))| {
         let cols = placement.col..placement.col + width;
         for (col, w) in row_weights(geometry, layout, placement.row + r, cols).enumerate() {
-            let (lo, hi) = (w.field_lo * CHANNELS, (w.field_lo + 1).min(last) * CHANNELS);
-            let value = |c: usize| w.w_lo * illumination[lo + c] + w.w_hi * illumination[hi + c];
+            let (lo, hi) = (&table[w.field_lo], &table[(w.field_lo + 1).min(last)]);
+            let value = |c: usize| w.w_lo * lo[c] + w.w_hi * hi[c];
             (red[col], green[col], blue[col]) = (value(0), value(1), value(2));
         }
     });

@@ -94,6 +94,8 @@ pub(super) struct Frame<'a> {
     pattern: Pattern<'a>,
     /// Patterns of the columns.
     columns: Vec<Shared>,
+    /// Weights of red, green and blue light along each row of the array of colours, which repeats down the frame.
+    weights: Vec<[Vec<f64>; CHANNELS]>,
 }
 
 impl<'a> Frame<'a> {
@@ -114,6 +116,9 @@ impl<'a> Frame<'a> {
             streams,
             pattern,
             columns: (first..first + irradiance.width).map(|col| pattern.of_column(col)).collect(),
+            weights: (0..sensor.cfa.rows())
+                .map(|row| colour_weights(sensor, row, first, irradiance.width))
+                .collect(),
         }
     }
 }
@@ -121,7 +126,6 @@ impl<'a> Frame<'a> {
 /// Working memory of a row, reused for the next row.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
-    weights: [Vec<f64>; CHANNELS],
     light: Vec<f64>,
     rate: Vec<f64>,
     electrons: Vec<f64>,
@@ -172,9 +176,9 @@ fn expose_row<const TAPE: bool>(
     // Draw the non-uniformity of each pixel, and collect the light that its filter passes.
     let (pattern, pattern_scratch) = (&mut scratch.pattern, &mut scratch.pattern_scratch);
     frame.pattern.pixels_row(sensor_row, first_col, &frame.columns, pattern_scratch, pattern);
-    weigh_colours(frame.sensor, sensor_row, first_col, n, &mut scratch.weights);
+    let weights = &frame.weights[sensor_row % frame.weights.len()];
     let plane = |c: usize| &frame.irradiance.data[(c * frame.irradiance.height + row) * n..][..n];
-    let ([red, green, blue], [w0, w1, w2]) = ([plane(0), plane(1), plane(2)], &scratch.weights);
+    let ([red, green, blue], [w0, w1, w2]) = ([plane(0), plane(1), plane(2)], weights);
     let (w0, w1, w2, lights) = (&w0[..n], &w1[..n], &w2[..n], &mut lights[..n]);
     for i in 0..n {
         lights[i] = light([w0[i], w1[i], w2[i]], [red[i], green[i], blue[i]]);
@@ -211,22 +215,17 @@ fn expose_row<const TAPE: bool>(
 }
 
 /// Weights of red, green and blue light in each pixel of a row.
-fn weigh_colours(
+fn colour_weights(
     sensor: &SensorModel,
     sensor_row: usize,
     first_col: usize,
     width: usize,
-    weights: &mut [Vec<f64>; CHANNELS],
-) {
-    for (channel, weights) in weights.iter_mut().enumerate() {
-        let period = sensor.cfa.cols();
+) -> [Vec<f64>; CHANNELS] {
+    std::array::from_fn(|channel| {
         let of = |col| sensor.response(sensor.cfa.colour(sensor_row, first_col + col))[channel];
-        let tile: Vec<f64> = (0..period).map(of).collect();
-        weights.resize(width, 0.0);
-        for of_tile in weights.chunks_mut(period) {
-            of_tile.copy_from_slice(&tile[..of_tile.len()]);
-        }
-    }
+        let tile: Vec<f64> = (0..sensor.cfa.cols()).map(of).collect();
+        tile.iter().copied().cycle().take(width).collect()
+    })
 }
 
 /// Checks sensor, exposure and placement for a picture of `height` x `width` pixels.

@@ -21,7 +21,7 @@ use petzval_optics::optimize::Limits;
 use petzval_optics::paraxial::first_order;
 use petzval_optics::pupil::chief_ray;
 
-const LENSES: [&str; 10] = [
+const LENSES: [&str; 11] = [
     "double-gauss",
     "cooke-triplet-40",
     "tessar",
@@ -32,6 +32,8 @@ const LENSES: [&str; 10] = [
     "reverse-telephoto",
     "triplet-telescope",
     "telescope-48-inch",
+    // The radius of its second mirror stands at a bound, along which a descent has to turn: straight down it ends 12 % higher.
+    "telescope-two-mirrors",
 ];
 
 /// Iterations at most of either side.
@@ -167,16 +169,6 @@ fn the_control_is_as_good_as_the_exact_optimiser() {
         }
     }
     assert!(apart.is_empty(), "{apart:?}");
-}
-
-/// The radius of the second mirror stands at its bound, along which a descent has to turn. Straight down, `lens optimize` ends 12 % above the
-/// stage; with the image plane in focus it ends 2.5 % above it.
-#[test]
-fn a_telescope_that_is_held_by_a_bound_is_led_further_in_focus() {
-    let case = case(&path("telescope-two-mirrors"), None);
-    let [control, optimised] = [case.control(), case.optimised()].map(|lens| case.spot_um(&lens));
-    println!("control {control:.3}, lens optimize {optimised:.3} um");
-    assert!(control < 19.1 && optimised < 1.03 * control, "{control} and {optimised} um");
 }
 
 /// The image height that is held is the one in focus, not the one on a plane far from focus.

@@ -22,6 +22,14 @@ type Way = fn(
     &mut dyn FnMut(usize, &Analysis, &[f64]) -> bool,
 ) -> Result<Descent, DesignSpaceError>;
 
+/// The lens that a further descent begins with.
+enum From {
+    /// That of the problem.
+    Start,
+    /// The best one so far.
+    Best,
+}
+
 /// Levenberg and Marquardt's method from where an earlier call left off, or from the lens itself.
 pub(super) fn descent(
     problem: &Problem,
@@ -82,14 +90,21 @@ pub(super) fn descent(
     let is_of_spots = problem.goals.iter().all(|goal| goal.weight_um == 0.0);
     let goes_softly = is_of_spots && !went_softly;
     if goes_softly {
-        let ways: [(Way, &str); 2] =
-            [(descend_softly, "descent with softer limits"), (descend_in_focus, "descent in focus")];
-        for (way, name) in ways {
+        let ways: [(Way, From, &str); 3] = [
+            (descend_softly, From::Start, "descent with softer limits"),
+            (descend_in_focus, From::Start, "descent in focus"),
+            (descend_in_focus, From::Best, "descent in focus, from the best lens"),
+        ];
+        for (way, from, name) in ways {
+            let on = match from {
+                From::Start => problem.clone(),
+                From::Best => Problem { base: descent.best.lens.clone(), ..problem.clone() },
+            };
             let mut watch = |iteration: usize, _: &Analysis, _: &[f64]| {
                 context.progress(iteration as u64, iterations as u64, name);
                 !context.is_cancelled()
             };
-            let other = way(problem, &options, &mut watch).ok().filter(|d| d.stop != Stop::Interrupted);
+            let other = way(&on, &options, &mut watch).ok().filter(|d| d.stop != Stop::Interrupted);
             descent = other.filter(|d| d.best.merit < WORTH_IT * descent.best.merit).unwrap_or(descent);
         }
     }
