@@ -40,6 +40,12 @@ impl LensGradient {
         &self.numbers
     }
 
+    /// The derivative along a direction, given by the change of every number.
+    pub fn along(&self, change: &Self) -> f64 {
+        let of_surfaces: f64 = self.numbers.iter().zip(&change.numbers).map(|(by, change)| by * change).sum();
+        of_surfaces + self.entrance_pupil * change.entrance_pupil
+    }
+
     /// Every derivative times a factor.
     pub fn scaled(mut self, factor: f64) -> Self {
         for v in &mut self.numbers {

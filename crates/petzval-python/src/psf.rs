@@ -7,7 +7,7 @@ use numpy::{
 use petzval_jobs::{Context, JobError, psf};
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::Lens;
-use petzval_optics::psf::{FieldPsf, PsfCotangent, PsfOptions, psf_converged, psf_with_tape};
+use petzval_optics::psf::{FieldPsf, PsfCotangent, PsfOptions, PsfTangent, psf_converged, psf_with_tape};
 use petzval_optics::pupil::{PupilRefinement, Quadrature, chief_ray, pull_back_chief};
 use pyo3::prelude::*;
 use rayon::prelude::*;
@@ -29,7 +29,15 @@ pub struct PyPsfPlan {
     quadrature: Quadrature,
 }
 
-/// The arrays of PSFs: values, illumination, chief rays in mm, captured light, pupil cells and their error.
+/// The arrays of PSFs: values, illumination, chief rays in mm, captured light.
+type Outputs<'py> = (
+    Bound<'py, PyArray4<f64>>,
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray2<f64>>,
+);
+
+/// The same, then pupil cells and their error.
 type Arrays<'py> = (
     Bound<'py, PyArray4<f64>>,
     Bound<'py, PyArray2<f64>>,
@@ -38,6 +46,27 @@ type Arrays<'py> = (
     usize,
     f64,
 );
+
+/// The outputs of one field.
+struct OfField {
+    values: Vec<Vec<f64>>,
+    illumination: Vec<f64>,
+    chief_mm: [f64; 2],
+    captured: Vec<f64>,
+}
+
+impl From<FieldPsf> for OfField {
+    fn from(psf: FieldPsf) -> Self {
+        let FieldPsf { values, illumination, chief_x_mm, chief_y_mm, captured, .. } = psf;
+        Self { values, illumination, chief_mm: [chief_x_mm, chief_y_mm], captured }
+    }
+}
+
+impl From<PsfTangent> for OfField {
+    fn from(PsfTangent { values, illumination, chief_mm, captured }: PsfTangent) -> Self {
+        Self { values, illumination, chief_mm, captured }
+    }
+}
 
 #[pymethods]
 impl PyPsfPlan {
@@ -110,8 +139,9 @@ impl PyPsfPlan {
         })?;
         let cells = found.iter().map(|of| of.cells).max().unwrap_or(self.pupil_cells);
         let error = found.iter().map(|of| of.error).fold(0.0, f64::max);
-        let psfs: Vec<FieldPsf> = found.into_iter().map(|of| of.value).collect();
-        self.arrays(py, &psfs, cells, error)
+        let (values, light, chief_mm, captured) =
+            self.arrays(py, found.into_iter().map(|of| of.value.into()))?;
+        Ok((values, light, chief_mm, captured, cells, error))
     }
 
     /// The PSFs of the lens with these numbers, on the pupil cells of the plan.
@@ -128,7 +158,29 @@ impl PyPsfPlan {
                 |field| psf_with_tape(&lens, field, &self.wavelengths_um, &self.quadrature, &self.options);
             Ok(self.by_field(context, of_field)?.into_iter().map(|(psf, _)| psf).collect::<Vec<_>>())
         })?;
-        self.arrays(py, &psfs, self.pupil_cells, 0.0)
+        let (values, light, chief_mm, captured) = self.arrays(py, psfs.into_iter().map(OfField::from))?;
+        Ok((values, light, chief_mm, captured, self.pupil_cells, 0.0))
+    }
+
+    /// Derivatives of values, illumination, chief rays (mm) and captured light along a direction: a change of each number of the lens.
+    fn push_forward<'py>(
+        &self,
+        py: Python<'py>,
+        space: &PyDesignSpace,
+        numbers: PyArrayLike1<'_, f64, AllowTypeChange>,
+        direction: PyArrayLike1<'_, f64, AllowTypeChange>,
+        watch: Watch<'_>,
+    ) -> PyResult<Outputs<'py>> {
+        let lens = space.lens_with(py, &numbers)?;
+        let change = space.change(py, &direction)?;
+        let tangents = watched(py, &watch, |context| {
+            self.by_field(context, |field| {
+                let (psf, tape) =
+                    psf_with_tape(&lens, field, &self.wavelengths_um, &self.quadrature, &self.options)?;
+                Some(tape.push_forward(&psf, &self.quadrature, &change))
+            })
+        })?;
+        self.arrays(py, tangents.into_iter().map(OfField::from))
     }
 
     /// Derivatives by the numbers of the lens of a loss with these derivatives by values, illumination and chief rays (1/mm).
@@ -229,26 +281,25 @@ impl PyPsfPlan {
     fn arrays<'py>(
         &self,
         py: Python<'py>,
-        psfs: &[FieldPsf],
-        cells: usize,
-        error: f64,
-    ) -> PyResult<Arrays<'py>> {
+        of_fields: impl Iterator<Item = OfField>,
+    ) -> PyResult<Outputs<'py>> {
         let (fields, colours, grid) = (self.fields_deg.len(), self.wavelengths_um.len(), self.options.grid);
-        let values = psfs.iter().flat_map(|p| p.values.iter().flatten().copied()).collect();
-        let of_colours = |of: fn(&FieldPsf) -> &Vec<f64>| -> Vec<f64> {
-            psfs.iter().flat_map(|p| of(p).iter().copied()).collect()
-        };
-        let chief = psfs.iter().flat_map(|p| [p.chief_x_mm, p.chief_y_mm]).collect();
+        let mut values = Vec::with_capacity(fields * colours * grid * grid);
+        let [mut light, mut chief_mm, mut captured] = [const { Vec::new() }; 3];
+        for of in of_fields {
+            of.values.iter().for_each(|of_colour| values.extend_from_slice(of_colour));
+            light.extend(of.illumination);
+            chief_mm.extend(of.chief_mm);
+            captured.extend(of.captured);
+        }
         let wrong = |e: numpy::ndarray::ShapeError| exception(py, &JobError::failed(e.to_string()));
         let table =
             |columns: usize, of: Vec<f64>| Array2::from_shape_vec((fields, columns), of).map_err(wrong);
         Ok((
             Array4::from_shape_vec((fields, colours, grid, grid), values).map_err(wrong)?.into_pyarray(py),
-            table(colours, of_colours(|p| &p.illumination))?.into_pyarray(py),
-            table(2, chief)?.into_pyarray(py),
-            table(colours, of_colours(|p| &p.captured))?.into_pyarray(py),
-            cells,
-            error,
+            table(colours, light)?.into_pyarray(py),
+            table(2, chief_mm)?.into_pyarray(py),
+            table(colours, captured)?.into_pyarray(py),
         ))
     }
 }

@@ -332,6 +332,21 @@ impl PyDesignSpace {
         Ok(lens)
     }
 
+    /// The change of every number of a lens, from those of the numbers of the space.
+    pub fn change(
+        &self,
+        py: Python<'_>,
+        direction: &PyArrayLike1<'_, f64, AllowTypeChange>,
+    ) -> PyResult<LensGradient> {
+        let places = self.space.space().numbers();
+        let direction = checked(py, "direction", direction.as_array().into_dyn(), &[places.len()])?;
+        let mut change = LensGradient::zero(self.file.lens.surfaces.len());
+        for (place, by) in places.iter().zip(direction) {
+            change[*place] = by;
+        }
+        Ok(change)
+    }
+
     /// Derivatives by the numbers of the space, from those by all numbers of the lens.
     pub fn by_numbers(&self, gradient: &LensGradient) -> Vec<f64> {
         self.space.space().numbers().iter().map(|number| gradient[*number]).collect()

@@ -3,6 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::splat;
+use crate::gradient::LensGradient;
 use crate::wave::ImageGrid;
 
 /// Rays or waves.
@@ -78,6 +80,30 @@ pub(super) struct LightCotangent<'a> {
     pub options: &'a PsfOptions,
     /// Place of the reference chief ray, mm.
     pub chief_mm: [f64; 2],
+}
+
+/// A change of the lens, for the splatted light of one wavelength.
+pub(super) struct LightChange<'a> {
+    /// Of every number of the lens.
+    pub lens: &'a LensGradient,
+    /// Of the stop radius, divided by it.
+    pub stop_growth: f64,
+    /// Of the place of the reference chief ray, mm.
+    pub chief_change_mm: [f64; 2],
+    /// The grid.
+    pub options: &'a PsfOptions,
+    /// Place of the reference chief ray, mm.
+    pub chief_mm: [f64; 2],
+}
+
+impl LightChange<'_> {
+    /// Adds to the changes of cells that of the light of a ray, from its place (mm), its light and the changes of both.
+    pub fn add(&self, cells: &mut [f64], at_mm: [f64; 2], light: f64, moved_mm: [f64; 2], light_change: f64) {
+        let (per_mm, centre) = self.options.scale();
+        let [u, v] = [0, 1].map(|axis| (at_mm[axis] - self.chief_mm[axis]) * per_mm + centre);
+        let [du, dv] = [0, 1].map(|axis| (moved_mm[axis] - self.chief_change_mm[axis]) * per_mm);
+        splat::push_forward(cells, self.options.grid, [u, v, light], [du, dv, light_change]);
+    }
 }
 
 /// Adds to a grid its mirror image in x; this map is its own transpose.

@@ -19,7 +19,7 @@ pub use converged::psf_converged;
 pub use grid::{PsfKind, PsfMethod, PsfOptions};
 pub use perfect::{PerfectImage, focused_thin_lens_mm, perfect_psf};
 
-use grid::{LightCotangent, with_mirror_image};
+use grid::{LightChange, LightCotangent, with_mirror_image};
 use polynomial::{Blocks, PolynomialChannel};
 use traced::TracedChannel;
 
@@ -67,7 +67,20 @@ pub struct PsfCotangent {
     pub chief_y: f64,
 }
 
-/// Intermediate results of the forward pass, for the gradient.
+/// Derivatives of a field's PSFs along a direction: a change of every number of the lens.
+#[derive(Clone, Debug)]
+pub struct PsfTangent {
+    /// Of each value, laid out as [`FieldPsf::values`].
+    pub values: Vec<Vec<f64>>,
+    /// Of each relative illumination.
+    pub illumination: Vec<f64>,
+    /// Of x and y of the reference chief ray on the image plane, mm.
+    pub chief_mm: [f64; 2],
+    /// Of each share of the light that falls inside the grid.
+    pub captured: Vec<f64>,
+}
+
+/// Intermediate results of the forward pass, for derivatives: backward by [`PsfTape::gradient`], forward by [`PsfTape::push_forward`].
 pub struct PsfTape {
     options: PsfOptions,
     reference: Sequence,
@@ -303,5 +316,63 @@ impl PsfTape {
         pull_back_first_order(&self.reference, first_order_bar, &mut gradient);
         gradient.keep_symmetry(&self.reference);
         gradient
+    }
+
+    /// Derivatives of the PSFs `psf` along `change`, a change of every number of the lens: the transpose of [`PsfTape::gradient`].
+    ///
+    /// What the gradient holds is held here too: the nodes of the pupil and of waves, the degrees of polynomials and, in a lens
+    /// that is symmetric about the plane of the fields, the numbers that break this symmetry.
+    pub fn push_forward(&self, psf: &FieldPsf, quadrature: &Quadrature, change: &LensGradient) -> PsfTangent {
+        let mut change = change.clone();
+        change.keep_symmetry(&self.reference);
+        // Move the chief ray, the image area and the stop radius, which all channels share. Each is one number, so its gradient
+        // is cheap.
+        let along = |pull_back: &dyn Fn(&mut LensGradient)| {
+            let mut gradient = LensGradient::zero(self.reference.surfaces.len());
+            pull_back(&mut gradient);
+            gradient.along(&change)
+        };
+        let chief_mm = [[1.0, 0.0], [0.0, 1.0]]
+            .map(|axis| along(&|gradient| pull_back_chief(&self.reference, &self.chief, axis, gradient)));
+        let area = along(&|gradient| self.area.pull_back(&self.reference, 1.0, gradient));
+        let stop_radius = FirstOrderCotangent { stop_radius: 1.0, ..Default::default() };
+        let stop_growth = along(&|gradient| pull_back_first_order(&self.reference, stop_radius, gradient))
+            / first_order(&self.reference).stop_radius_mm;
+        let moved = LightChange {
+            lens: &change,
+            stop_growth,
+            chief_change_mm: chief_mm,
+            options: &self.options,
+            chief_mm: [self.chief.x_mm, self.chief.y_mm],
+        };
+        let mut tangent =
+            PsfTangent { values: Vec::new(), illumination: Vec::new(), chief_mm, captured: Vec::new() };
+        for (k, channel) in self.channels.iter().enumerate() {
+            // Move rays and weights, and with them the light of the cells.
+            let sequence = &channel.sequence;
+            let (mut values, density) = match &channel.light {
+                Light::Polynomial(c) => c.push_forward(sequence, quadrature, &moved),
+                Light::Traced(c) => c.push_forward(sequence, &moved, self.reference.is_mirror_symmetric),
+                Light::Wave(c) => {
+                    let shown =
+                        c.push_forward(sequence, self.options.image_grid(), &change, stop_growth, chief_mm);
+                    (shown.values, shown.density)
+                }
+            };
+            // Differentiate the normalisation P = G / S: dP = (dG - P dS) / S.
+            let total: f64 = values.iter().sum();
+            for (by, value) in values.iter_mut().zip(&psf.values[k]) {
+                *by = (*by - value * total) / channel.total;
+            }
+            tangent.values.push(values);
+            tangent.illumination.push(density * self.area.ratio + channel.density * area);
+            // Waves have unit energy; the light of rays on the grid is a share of all of theirs.
+            let growth = match &channel.light {
+                Light::Wave(_) => total / channel.total,
+                Light::Polynomial(_) | Light::Traced(_) => total / channel.total - density / channel.density,
+            };
+            tangent.captured.push(psf.captured[k] * growth);
+        }
+        tangent
     }
 }

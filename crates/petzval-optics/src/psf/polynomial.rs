@@ -2,11 +2,12 @@
 
 use pulp::{Simd, WithSimd};
 
-use super::grid::{LightCotangent, PsfMethod, PsfOptions};
+use super::grid::{LightChange, LightCotangent, PsfMethod, PsfOptions, with_mirror_image};
 use crate::gradient::LensGradient;
 use crate::lanes::{Lanes, MAX_LANES, width};
 use crate::pupil::{
-    DenseCotangent, DenseMap, Points, PointsCotangent, PupilBasis, PupilMap, PupilSamples, Quadrature, Sides,
+    DenseCotangent, DenseMap, DenseTangent, Points, PointsCotangent, PupilBasis, PupilMap, PupilSamples,
+    Quadrature, Sides,
 };
 use crate::trace::Sequence;
 use petzval_base::simd::dispatch;
@@ -266,6 +267,45 @@ impl WithSimd for Gather<'_> {
     }
 }
 
+struct Move<'a> {
+    dense: &'a DenseMap<'a>,
+    moved: &'a DenseTangent,
+    change: &'a LightChange<'a>,
+    cells: &'a mut [f64],
+}
+
+impl WithSimd for Move<'_> {
+    /// Change of the light.
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> f64 {
+        let Self { dense, moved, change, cells } = self;
+        let sides = dense.sides();
+        let mut light = Lanes::splat(simd, 0.0);
+        for row in 0..dense.rows() {
+            for turn in 0..dense.turns::<S>(row) * sides.len() {
+                // Evaluate the polynomials and their changes at some points of a row.
+                let points = dense.points(simd, row, turn / sides.len(), sides[turn % sides.len()]);
+                let by = dense.push_forward_points(row, &points, moved);
+                light += by.weight;
+                let mut all = [[0.0; MAX_LANES]; 6];
+                for (lanes, to) in
+                    [points.x, points.y, points.weight, by.x, by.y, by.weight].into_iter().zip(&mut all)
+                {
+                    lanes.store(to);
+                }
+                // Move the light of each point among the 3 x 3 cells around it.
+                let [x, y, weight, by_x, by_y, by_weight] = all;
+                for k in 0..width::<S>() {
+                    change.add(cells, [x[k], y[k]], weight[k], [by_x[k], by_y[k]], by_weight[k]);
+                }
+            }
+        }
+        light.sum()
+    }
+}
+
 impl PolynomialChannel {
     /// Polynomials of the least degree within the tolerance; `None` if no degree is.
     pub fn new(
@@ -327,5 +367,22 @@ impl PolynomialChannel {
         let mut sums = dense.zero_cotangent();
         let chief_bar = dispatch(Gather { dense: &dense, bar, grid: &grid, sums: &mut sums });
         (chief_bar, self.map.pull_back(sequence, &dense.pull_back(&sums), gradient))
+    }
+
+    /// The change of [`PolynomialChannel::splat`]: the transpose of [`PolynomialChannel::pull_back`].
+    pub fn push_forward(
+        &self,
+        sequence: &Sequence,
+        quadrature: &Quadrature,
+        change: &LightChange,
+    ) -> (Vec<f64>, f64) {
+        let dense = DenseMap::new(&self.map, quadrature.rows());
+        let moved = dense.push_forward(&self.map.push_forward(sequence, change.lens, change.stop_growth));
+        let mut cells = vec![0.0; change.options.grid * change.options.grid];
+        let light = dispatch(Move { dense: &dense, moved: &moved, change, cells: &mut cells });
+        match self.map.samples.sides {
+            Sides::Mirrored => (with_mirror_image(&cells, change.options.grid), light),
+            Sides::Both => (cells, light),
+        }
     }
 }

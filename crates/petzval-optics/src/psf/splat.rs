@@ -68,6 +68,32 @@ pub(super) fn gather(grid_bar: &[f64], cells: usize, u: f64, v: f64) -> [f64; 3]
     out
 }
 
+/// Adds the change of what [`add`] adds, along changes of u, v and light: the transpose of [`gather`].
+#[inline]
+pub(super) fn push_forward(
+    grid: &mut [f64],
+    cells: usize,
+    [u, v, light]: [f64; 3],
+    [u_change, v_change, light_change]: [f64; 3],
+) {
+    let (a, b) = (stencil(u), stencil(v));
+    let range = 0..cells as isize;
+    for j in 0..3 {
+        let row = b.first + j as isize;
+        if !range.contains(&row) {
+            continue;
+        }
+        let (here, moved) =
+            (light * b.weight[j] * u_change, light_change * b.weight[j] + light * b.slope[j] * v_change);
+        for i in 0..3 {
+            let column = a.first + i as isize;
+            if range.contains(&column) {
+                grid[row as usize * cells + column as usize] += here * a.slope[i] + moved * a.weight[i];
+            }
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -90,8 +116,13 @@ mod tests {
         for (u, v) in [(3.2, 4.9), (0.1, 7.2), (-0.4, 2.0)] {
             let mut grid = vec![0.0; 64];
             add(&mut grid, 8, u, v, 1.5);
-            let left: f64 = grid.iter().zip(&bar).map(|(g, b)| g * b).sum();
-            assert!((left - 1.5 * gather(&bar, 8, u, v)[2]).abs() < 1e-12);
+            let along = |grid: &[f64]| grid.iter().zip(&bar).map(|(g, b)| g * b).sum::<f64>();
+            let by = gather(&bar, 8, u, v);
+            assert!((along(&grid) - 1.5 * by[2]).abs() < 1e-12);
+            // Changes of the position count times the light.
+            grid.fill(0.0);
+            push_forward(&mut grid, 8, [u, v, 1.5], [0.3, -0.7, 0.2]);
+            assert!((along(&grid) - (1.5 * (0.3 * by[0] - 0.7 * by[1]) + 0.2 * by[2])).abs() < 1e-12);
         }
     }
 }

@@ -1,6 +1,6 @@
 //! PSFs with a traced ray for every pupil cell: the reference.
 
-use super::grid::{LightCotangent, PsfOptions, with_mirror_image};
+use super::grid::{LightChange, LightCotangent, PsfOptions, with_mirror_image};
 use super::splat;
 use crate::gradient::LensGradient;
 use crate::pupil::{Beam, BeamCotangent, Quadrature, trace_beam};
@@ -55,5 +55,18 @@ impl TracedChannel {
             chief_bar[1] -= bar.y[i];
         }
         (chief_bar, beam.pull_back(sequence, &bar, gradient))
+    }
+
+    /// The change of [`TracedChannel::splat`]: the transpose of [`TracedChannel::pull_back`].
+    pub fn push_forward(&self, sequence: &Sequence, change: &LightChange, is_half: bool) -> (Vec<f64>, f64) {
+        let beam = &self.beam;
+        let moved = beam.push_forward(sequence, change.lens, change.stop_growth);
+        let mut half = vec![0.0; change.options.grid * change.options.grid];
+        for i in (0..beam.x_mm.len()).filter(|i| beam.weight[*i] > 0.0) {
+            let (at, by) = ([beam.x_mm[i], beam.y_mm[i]], [moved.x_mm[i], moved.y_mm[i]]);
+            change.add(&mut half, at, beam.weight[i], by, moved.weight[i]);
+        }
+        let all = if is_half { with_mirror_image(&half, change.options.grid) } else { half };
+        (all, moved.weight.iter().sum())
     }
 }

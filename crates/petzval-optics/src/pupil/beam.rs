@@ -3,13 +3,13 @@
 
 use super::aim::aim_at_pupil;
 use super::basis::PupilBasis;
-use super::launch::{launch_area, projections, pull_back_log_launch_area};
+use super::launch::{launch_area, projections, pull_back_log_launch_area, push_forward_log_launch_area};
 use super::polynomial::{PupilPolynomial, Sides, Symmetry};
 use super::quadrature::Quadrature;
 use super::samples::{PupilSamples, optical_paths};
 use crate::gradient::LensGradient;
 use crate::paraxial::first_order;
-use crate::trace::{AimedRays, Fate, RayBundle, Reaim, Seeds, Sequence, pull_back, trace};
+use crate::trace::{AimedRays, Fate, RayBundle, Reaim, Seeds, Sequence, pull_back, push_change, trace};
 
 /// Degree of the polynomials through launch points; high, because this is the reference.
 const JACOBIAN_DEGREE: usize = 20;
@@ -57,6 +57,17 @@ impl BeamCotangent {
     pub fn zero(nodes: usize) -> Self {
         Self { x: vec![0.0; nodes], y: vec![0.0; nodes], weight: vec![0.0; nodes] }
     }
+}
+
+/// Changes of a beam along a change of the lens, one entry per node.
+#[derive(Clone, Debug, Default)]
+pub struct BeamTangent {
+    /// Of x on the image plane, mm.
+    pub x_mm: Vec<f64>,
+    /// Of y on the image plane, mm.
+    pub y_mm: Vec<f64>,
+    /// Of the ray's weight.
+    pub weight: Vec<f64>,
 }
 
 /// Aims and traces the beam of a field.
@@ -220,6 +231,60 @@ impl Beam {
         basis.pull_back_fit(&y_bar, sides, &mut launch_bar[1]);
         let reaim = Reaim { aimed: &aimed, launch_bar: launch_bar.each_ref().map(Vec::as_slice) };
         pull_back(sequence, &aimed.bundle(sequence), &Seeds::zero(samples), Some(&reaim), gradient)
+    }
+
+    /// The change of the beam along a change of the lens and of the logarithm of the stop radius: the transpose of
+    /// [`Beam::pull_back`]. Rays without weight have no change.
+    pub fn push_forward(&self, sequence: &Sequence, change: &LensGradient, stop_growth: f64) -> BeamTangent {
+        // Move the rays, which keep their points of the stop.
+        let nodes = self.nodes.len();
+        let aimed = Some((&self.aimed, stop_growth));
+        let moved = push_change(sequence, &self.aimed.bundle(sequence), change, aimed);
+        let jacobian = self.push_forward_jacobian(sequence, change, stop_growth);
+        // Differentiate the product of Jacobian, projection and transmission, over the area of the paraxial beam.
+        let pupil_area = launch_area(sequence, self.stop_radius_mm);
+        let by_area = push_forward_log_launch_area(sequence, change, stop_growth);
+        let mut tangent =
+            BeamTangent { x_mm: vec![0.0; nodes], y_mm: vec![0.0; nodes], weight: vec![0.0; nodes] };
+        let projections = projections(sequence, self.field_rad, &self.aimed, nodes);
+        for (i, (projection, by)) in projections.enumerate().filter(|(i, _)| self.transmission[*i] > 0.0) {
+            tangent.x_mm[i] = moved.image_x[i];
+            tangent.y_mm[i] = moved.image_y[i];
+            let flux = self.shares[i] / pupil_area * jacobian[i];
+            let projected = by[0] * moved.launch_mm[0][i] + by[1] * moved.launch_mm[1][i];
+            tangent.weight[i] = flux * projection * self.transmission[i]
+                + self.flux[i] * projected * self.transmission[i]
+                + self.flux[i] * projection * moved.transmission[i]
+                - self.weight[i] * by_area;
+        }
+        tangent
+    }
+
+    /// Changes of the absolute Jacobians of launch by pupil coordinates, one per node, mm^2: the transpose of
+    /// [`Beam::pull_back_jacobian`].
+    fn push_forward_jacobian(
+        &self,
+        sequence: &Sequence,
+        change: &LensGradient,
+        stop_growth: f64,
+    ) -> Vec<f64> {
+        let (basis, sides) = (PupilBasis::of_degree(JACOBIAN_DEGREE), Sides::of(sequence));
+        let points = sides.points(&basis.samples);
+        let aimed = aim_at_pupil(sequence, self.field_rad, self.stop_radius_mm, &points, None);
+        if !(0..points.len()).all(|i| aimed.is_aimed(i)) {
+            return vec![0.0; self.nodes.len()];
+        }
+        let moved = push_change(sequence, &aimed.bundle(sequence), change, Some((&aimed, stop_growth)));
+        let fit = |[x, y]: &[Vec<f64>; 2]| {
+            [basis.fit(x, sides, Symmetry::Odd), basis.fit(y, sides, Symmetry::Even)]
+        };
+        let (launch, moved) = (fit(&aimed.launch_mm), fit(&moved.launch_mm));
+        let of_node = |p: &[f64; 2]| {
+            let slopes = |of: &[PupilPolynomial; 2]| of.each_ref().map(|axis| basis.slope(axis, *p));
+            let ([[xx, xy], [yx, yy]], [x, y]) = (slopes(&launch), slopes(&moved));
+            (xx * yy - xy * yx).signum() * (x[0] * yy + xx * y[1] - x[1] * yx - xy * y[0])
+        };
+        self.nodes.iter().map(of_node).collect()
     }
 }
 

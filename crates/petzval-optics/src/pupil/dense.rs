@@ -4,7 +4,7 @@ use crate::powers::{Powers, powers_of};
 use pulp::Simd;
 
 use super::basis::{Parity, PupilBasis};
-use super::map::{MapCotangent, PupilMap};
+use super::map::{MapCotangent, MapTangent, PupilMap};
 use super::polynomial::{PupilPolynomial, Sides};
 use crate::lanes::{Lanes, MAX_LANES, width};
 use crate::trace::soft_edge;
@@ -213,6 +213,12 @@ pub(crate) struct DenseCotangent {
     semi_diameters: Vec<f64>,
 }
 
+/// Changes of points: of x, y (mm) and weight.
+pub(crate) type PointsTangent<S> = PointsCotangent<S>;
+
+/// Changes of the tables and of the semi-diameters (mm), laid out as their cotangents.
+pub(crate) type DenseTangent = DenseCotangent;
+
 const COUNTING: [f64; MAX_LANES] = {
     let mut all = [0.0; MAX_LANES];
     let mut i = 0;
@@ -324,6 +330,48 @@ impl<'a> DenseMap<'a> {
             let through_bar = bar.weight * points.share * light * others;
             sums.heights[k].add_moments(row, through_bar * by_u, p_x, at);
             sums.semi_diameters[k] += (through_bar * -edge.by_radius).sum();
+        }
+    }
+
+    /// Changes of the tables, from those of the map's coefficients.
+    pub fn push_forward(&self, change: &MapTangent) -> DenseTangent {
+        let table = |polynomial| Table::new(self.rows, self.map.basis(), polynomial);
+        DenseTangent {
+            x: table(&change.image[0]),
+            y: table(&change.image[1]),
+            light: table(&change.light),
+            heights: change.heights.iter().map(table).collect(),
+            semi_diameters: change.semi_diameters.clone(),
+        }
+    }
+
+    /// Changes of points of a row, from those of the tables: the transpose of [`DenseMap::pull_back_points`].
+    #[inline(always)]
+    pub fn push_forward_points<S: Simd>(
+        &self,
+        row: usize,
+        points: &Points<S>,
+        change: &DenseTangent,
+    ) -> PointsTangent<S> {
+        let (p_x, at) = (points.p_x, points.square);
+        let mut weight = points.transmission * change.light.at(row, p_x, at);
+        if !self.heights.is_empty() {
+            let light = self.light.at(row, p_x, at);
+            let zero = at.constant(0.0);
+            for (k, (h, table)) in self.map.heights.iter().zip(&self.heights).enumerate() {
+                let Some(edge) = soft_edge(table.at(row, p_x, at), h.semi_diameter_mm) else { continue };
+                // Differentiate the product of transmissions, of which this aperture is one.
+                let open = zero.lt(edge.transmission);
+                let through = open.select(edge.transmission, zero.constant(1.0));
+                let others = open.select(points.transmission / through, zero);
+                let radius = change.heights[k].at(row, p_x, at) * 0.5 / edge.radius_mm;
+                weight += light * others * edge.by_radius * (radius - change.semi_diameters[k]);
+            }
+        }
+        PointsTangent {
+            x: change.x.at(row, p_x, at),
+            y: change.y.at(row, p_x, at),
+            weight: weight * points.share,
         }
     }
 

@@ -98,3 +98,14 @@ pub(super) fn pull_back_log_launch_area(sequence: &Sequence, bar: f64, gradient:
         }
     }
 }
+
+/// Change of the logarithm of [`launch_area`] along a change of the lens and of the logarithm of the stop radius.
+pub(super) fn push_forward_log_launch_area(
+    sequence: &Sequence,
+    change: &LensGradient,
+    stop_growth: f64,
+) -> f64 {
+    let mut gradient = LensGradient::zero(sequence.surfaces.len());
+    let by_stop = pull_back_log_launch_area(sequence, 1.0, &mut gradient);
+    gradient.along(change) + by_stop * stop_growth
+}

@@ -63,6 +63,9 @@ pub(crate) struct MapCotangent {
     pub semi_diameters: Vec<f64>,
 }
 
+/// Changes of the coefficients and of the semi-diameters (mm), laid out as their cotangents.
+pub(crate) type MapTangent = MapCotangent;
+
 impl MapCotangent {
     pub fn zero(map: &PupilMap) -> Self {
         Self {
@@ -147,5 +150,19 @@ impl PupilMap {
             }
         }
         self.samples.pull_back(sequence, &at_samples, gradient)
+    }
+
+    /// The change of the map along a change of the lens and of the logarithm of the stop radius: the transpose of
+    /// [`PupilMap::pull_back`].
+    pub fn push_forward(&self, sequence: &Sequence, change: &LensGradient, stop_growth: f64) -> MapTangent {
+        let moved = self.samples.push_forward(sequence, change, stop_growth);
+        let fit = |values: &[f64], symmetry| self.basis().fit(values, self.samples.sides, symmetry);
+        let heights = moved.rays.heights.iter();
+        MapTangent {
+            image: [fit(&moved.rays.image_x, Symmetry::Odd), fit(&moved.rays.image_y, Symmetry::Even)],
+            light: fit(&moved.light, Symmetry::Even),
+            heights: heights.map(|h| fit(&h.values, Symmetry::Even)).collect(),
+            semi_diameters: self.heights.iter().map(|h| change[(h.surface, Number::SemiDiameter)]).collect(),
+        }
     }
 }

@@ -16,8 +16,10 @@ mod samples;
 pub use aim::{aim_at_pupil, aim_one};
 pub use basis::PupilSampling;
 pub(crate) use basis::{PupilBasis, check_points};
-pub use beam::{Beam, BeamCotangent, ChiefRay, chief_ray, field_imaged_at, pull_back_chief, trace_beam};
-pub(crate) use dense::{DenseCotangent, DenseMap, Points, PointsCotangent, PupilRows};
+pub use beam::{
+    Beam, BeamCotangent, BeamTangent, ChiefRay, chief_ray, field_imaged_at, pull_back_chief, trace_beam,
+};
+pub(crate) use dense::{DenseCotangent, DenseMap, DenseTangent, Points, PointsCotangent, PupilRows};
 pub use image_area::ImageArea;
 pub(crate) use launch::launch_radius_mm;
 pub use launch::paraxial_launch;

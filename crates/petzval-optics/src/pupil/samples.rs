@@ -2,13 +2,13 @@
 
 use super::aim::aim_at_pupil;
 use super::basis::{PupilBasis, check_points};
-use super::launch::{launch_area, projections, pull_back_log_launch_area};
+use super::launch::{launch_area, projections, pull_back_log_launch_area, push_forward_log_launch_area};
 use super::polynomial::{Sides, Symmetry};
 use crate::gradient::LensGradient;
 use crate::lens::ObjectDistance;
 use crate::trace::{
-    AimedRays, Ray, RayBundle, Reaim, SOFT_EDGE_MM, Seeds, Sequence, SquaredHeights, launch, pull_back,
-    trace_with_heights,
+    AimedRays, Ray, RayBundle, RayTangents, Reaim, SOFT_EDGE_MM, Seeds, Sequence, SquaredHeights, launch,
+    pull_back, push_change_with_heights, trace_with_heights,
 };
 use crate::vector::dot;
 
@@ -82,6 +82,14 @@ pub(crate) struct SamplesCotangent {
     /// By x, y, squared heights, optical paths and directions.
     pub seeds: Seeds,
     /// By the light.
+    pub light: Vec<f64>,
+}
+
+/// Changes of a beam at its samples.
+pub(crate) struct SamplesTangent {
+    /// Of x, y, squared heights, optical paths (from the same start as [`PupilSamples::optical_path`]) and directions.
+    pub rays: RayTangents,
+    /// Of the light.
     pub light: Vec<f64>,
 }
 
@@ -176,8 +184,12 @@ impl PupilSamples {
 
     /// Derivatives of launch x and launch y by p_x and p_y, at the samples, mm.
     fn launch_slopes(&self) -> [[Vec<f64>; 2]; 2] {
+        self.slopes_of(&self.aimed.launch_mm)
+    }
+
+    /// Derivatives of two coordinates by p_x and p_y, at the samples, from those coordinates at the samples.
+    fn slopes_of(&self, [x, y]: &[Vec<f64>; 2]) -> [[Vec<f64>; 2]; 2] {
         let (basis, sides) = (self.basis, self.sides);
-        let [x, y] = &self.aimed.launch_mm;
         [
             basis.slopes(&basis.fit(x, sides, Symmetry::Odd), sides),
             basis.slopes(&basis.fit(y, sides, Symmetry::Even), sides),
@@ -206,6 +218,42 @@ impl PupilSamples {
         let by_rays =
             pull_back(sequence, &self.aimed.bundle(sequence), &samples_bar.seeds, Some(&reaim), gradient);
         (by_rays + by_area) / self.stop_radius_mm
+    }
+
+    /// The change of the beam along a change of the lens and of the logarithm of the stop radius: the transpose of
+    /// [`PupilSamples::pull_back`].
+    pub fn push_forward(
+        &self,
+        sequence: &Sequence,
+        change: &LensGradient,
+        stop_growth: f64,
+    ) -> SamplesTangent {
+        // Move the rays, which keep their points of the stop.
+        let surfaces: Vec<usize> = self.heights.iter().map(|h| h.surface).collect();
+        let (launched, aimed) = (self.aimed.bundle(sequence), Some((&self.aimed, stop_growth)));
+        let mut rays = push_change_with_heights(sequence, &launched, change, aimed, &surfaces);
+        // The path in front of the launch plane grows with the launch point along the launch direction.
+        let count = self.x.len();
+        for i in 0..count {
+            let start = launch(sequence, self.field_rad, self.aimed.launch_of(i));
+            for (moved, by) in rays.launch_mm.iter().zip(start.position_by) {
+                rays.optical_path[i] += moved[i] * dot(by, start.ray.direction);
+            }
+        }
+        // Differentiate the light: Jacobian times projection, over the area of the paraxial beam.
+        let area = launch_area(sequence, self.stop_radius_mm);
+        let by_area = push_forward_log_launch_area(sequence, change, stop_growth);
+        let ([[xx, xy], [yx, yy]], [x, y]) = (self.launch_slopes(), self.slopes_of(&rays.launch_mm));
+        let light = projections(sequence, self.field_rad, &self.aimed, count)
+            .enumerate()
+            .map(|(i, (projection, by))| {
+                let sign = (xx[i] * yy[i] - xy[i] * yx[i]).signum();
+                let jacobian = x[0][i] * yy[i] + xx[i] * y[1][i] - x[1][i] * yx[i] - xy[i] * y[0][i];
+                let projected = by[0] * rays.launch_mm[0][i] + by[1] * rays.launch_mm[1][i];
+                sign * jacobian / area * projection + self.light[i] * (projected / projection - by_area)
+            })
+            .collect();
+        SamplesTangent { rays, light }
     }
 
     /// Pulls cotangents of the light back to the launch points, and to the logarithm of the stop radius.

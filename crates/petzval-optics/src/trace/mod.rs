@@ -21,7 +21,7 @@ pub use fate::Fate;
 pub use forward::{Path, trace_ray};
 pub use kernel::{
     AimedRays, LandingJacobian, RayTangents, Reaim, Seeds, SquaredHeights, WaveSeeds, landing_jacobian,
-    pull_back, push_change, trace, trace_with_heights,
+    pull_back, push_change, push_change_with_heights, trace, trace_with_heights,
 };
 pub use launch::{ACROSS_FROM_RAD, Launch, launch, launch_axes, starts_across};
 pub use ray::{Ray, RayBundle};

@@ -78,6 +78,15 @@ impl PlaneFit {
         }
     }
 
+    /// Changes of the coefficients, from those of the values and of their points: the transpose of [`PlaneFit::pull_back`].
+    pub fn push_forward(&self, coefficients: &[f64], values: &[f64], points: &[[f64; 2]]) -> Vec<f64> {
+        let at_fixed_points = |i: usize| {
+            let [x, y] = self.slope(coefficients, &self.points[i]);
+            values[i] - x * points[i][0] - y * points[i][1]
+        };
+        self.fit(&(0..points.len()).map(at_fixed_points).collect::<Vec<f64>>())
+    }
+
     /// The polynomial at a point.
     pub fn value(&self, coefficients: &[f64], at: [f64; 2]) -> f64 {
         let at = at.map(|v| powers_of(v, self.degree));

@@ -1,5 +1,7 @@
 //! The wave of a beam over the direction cosines of its rays at the image.
 
+mod forward;
+
 use super::fit::{self, PlaneFit};
 use super::opd::ReferenceSphere;
 use crate::gradient::LensGradient;
@@ -97,6 +99,9 @@ pub(crate) struct WaveCotangent {
     /// By the index behind the lens, apart from the optical path of the rays.
     pub n_image: f64,
 }
+
+/// Changes of the map's coefficients, of the centre (mm) and of the index behind the lens, laid out as their cotangents.
+pub(crate) type WaveTangent = WaveCotangent;
 
 impl WaveCotangent {
     /// Adds to the cotangent of the semi-diameter of a clear aperture, in the order of [`WaveMap::semi_diameters_mm`].

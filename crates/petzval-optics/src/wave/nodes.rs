@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 use petzval_base::simd::dispatch;
 use pulp::{Simd, WithSimd};
 
-use super::map::{WaveCotangent, WaveMap, WaveRow};
+use super::map::{WaveCotangent, WaveMap, WaveRow, WaveTangent};
 use super::matrix::Complex;
 use super::phase::sin_cos;
 use crate::lanes::{Lanes, MAX_LANES, width};
@@ -75,6 +75,17 @@ impl NodeGrid {
         let images = images(map.samples.sides);
         let bar = NodeWaveBar { light: images * bar.light, energy: images * bar.energy, ..bar };
         dispatch(Backward { grid: *self, map, columns, bar, sums });
+    }
+
+    /// The change of [`NodeGrid::wave`], from those of the map's coefficients: the transpose of [`NodeGrid::pull_back`].
+    pub fn push_forward(&self, map: &WaveMap, change: &WaveTangent) -> NodeWave {
+        let columns = self.columns(map.samples.sides);
+        let mut out = NodeWave { wave: Complex::zeros(columns.len(), self.nodes), light: 0.0, energy: 0.0 };
+        dispatch(Move { grid: *self, map, columns, change, out: &mut out });
+        let images = images(map.samples.sides);
+        out.light *= images;
+        out.energy *= images;
+        out
     }
 
     /// Coordinates of columns, padded with zeros, and 1 for each that is no padding.
@@ -336,6 +347,73 @@ impl WithSimd for Backward<'_> {
             }
             map.pull_back_row(&moments.row(&row.row), grid.q(j), sums);
         }
+    }
+}
+
+struct Move<'a> {
+    grid: NodeGrid,
+    map: &'a WaveMap,
+    columns: std::ops::Range<usize>,
+    change: &'a WaveTangent,
+    out: &'a mut NodeWave,
+}
+
+impl WithSimd for Move<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { grid, map, columns, change, out } = self;
+        let (q, is_node) = grid.padded(&columns);
+        let zero = Lanes::splat(simd, 0.0);
+        let (mut light, mut energy) = (zero, zero);
+        let mut edges = Vec::new();
+        let [mut re, mut im] = [[0.0; MAX_LANES]; 2];
+        for j in 0..grid.nodes {
+            let row = NodeRow::new(&grid, map, grid.q(j));
+            let moved = map.push_forward_row(change, grid.q(j));
+            for start in (0..columns.len()).step_by(width::<S>()) {
+                let (q, is_node) = (Lanes::load(simd, &q[start..]), Lanes::load(simd, &is_node[start..]));
+                let Some(block) = row.block(q, is_node, &mut edges) else { continue };
+                // The share that passes the rim and the apertures changes with stop coordinates, heights and semi-diameters.
+                let mut inside = zero;
+                if let Some(rim) = &block.rim {
+                    let outward = block.stop[0] * row.odd.at(&moved.stop[0], q)
+                        + block.stop[1] * row.even.at(&moved.stop[1], q);
+                    let by = rim.by_radius * (row.rim_scale * row.rim_scale) * outward / rim.radius_mm;
+                    inside = zero.lt(block.inside).select(by, zero);
+                }
+                let mut share_change = inside * block.through;
+                for (k, edge) in edges.iter().enumerate() {
+                    let Some(edge) = edge else { continue };
+                    let radius = row.even.at(&moved.heights[k], q) * 0.5 / edge.radius_mm;
+                    let mut by = block.inside * edge.by_radius * (radius - change.semi_diameters()[k]);
+                    for (_, other) in edges.iter().enumerate().filter(|(other, _)| *other != k) {
+                        if let Some(other) = other {
+                            by = by * other.transmission;
+                        }
+                    }
+                    share_change += by;
+                }
+                // Then amplitude, light and energy change, and the phase with the path.
+                let root = block.density.max(zero.constant(1e-300)).sqrt();
+                let root_slant = block.per_slant.sqrt();
+                let share = block.inside * block.through;
+                let density = row.even.at(&moved.density, q) * share;
+                let amplitude = (density * 0.5 / root + root * share_change) * root_slant;
+                let of_nodes = density + root * root * share_change;
+                light += of_nodes;
+                energy += of_nodes * block.per_slant;
+                let phase = row.even.at(&moved.path, q) * grid.wavenumber * (root * root_slant * share);
+                (amplitude * block.cos - phase * block.sin).store(&mut re);
+                (amplitude * block.sin + phase * block.cos).store(&mut im);
+                let end = (start + width::<S>()).min(columns.len());
+                let place = j * columns.len() + start..j * columns.len() + end;
+                out.wave.re.as_mut_slice()[place.clone()].copy_from_slice(&re[..end - start]);
+                out.wave.im.as_mut_slice()[place].copy_from_slice(&im[..end - start]);
+            }
+        }
+        (out.light, out.energy) = (light.sum(), energy.sum());
     }
 }
 

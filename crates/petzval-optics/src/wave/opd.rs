@@ -67,6 +67,10 @@ impl ReferenceSphere {
         let e = [at_mm[0] - self.centre_mm[0], at_mm[1] - self.centre_mm[1]];
         let b = e[0] * d[0] + e[1] * d[1];
         let r = self.radius_mm;
+        if r.is_infinite() {
+            // The run is -b, and the vector is the direction.
+            return ([0, 1].map(|k| -run_bar * d[k]), [0, 1].map(|k| towards_bar[k] - run_bar * e[k]));
+        }
         let root = r.signum() * (b * b + r * r - e[0] * e[0] - e[1] * e[1]).sqrt();
         let s = -b - root;
         // towards = -(e + s d) / r, s = -b - root.
@@ -75,6 +79,28 @@ impl ReferenceSphere {
         let place = [0, 1].map(|k| b_bar * d[k] + s_bar * e[k] / root - towards_bar[k] / r);
         let direction = [0, 1].map(|k| b_bar * e[k] - towards_bar[k] * s / r);
         (place, direction)
+    }
+
+    /// Changes of the run and of the first two components of the unit vector, from those of the position relative to the
+    /// centre and of the direction: the transpose of [`ReferenceSphere::pull_back`].
+    pub fn push_forward(
+        &self,
+        at_mm: [f64; 2],
+        d: [f64; 3],
+        moved: [f64; 2],
+        turned: [f64; 2],
+    ) -> (f64, [f64; 2]) {
+        let e = [at_mm[0] - self.centre_mm[0], at_mm[1] - self.centre_mm[1]];
+        let b_change = moved[0] * d[0] + moved[1] * d[1] + e[0] * turned[0] + e[1] * turned[1];
+        let r = self.radius_mm;
+        if r.is_infinite() {
+            return (-b_change, turned);
+        }
+        let b = e[0] * d[0] + e[1] * d[1];
+        let root = r.signum() * (b * b + r * r - e[0] * e[0] - e[1] * e[1]).sqrt();
+        let s = -b - root;
+        let run = -b_change - (b * b_change - e[0] * moved[0] - e[1] * moved[1]) / root;
+        (run, [0, 1].map(|k| -(moved[k] + run * d[k] + s * turned[k]) / r))
     }
 
     /// The same sphere with its radius rounded to two digits, so that small changes of a lens do not change it. The
@@ -185,4 +211,35 @@ pub fn opd_about(
         radius_mm: sphere.radius_mm,
         chief_mm: [x, y],
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn changes_of_runs_are_the_transpose_and_the_differences() {
+        let (at, d) = ([0.7, -0.4], [0.1, 0.3, f64::sqrt(0.9)]);
+        let (moved, turned) = ([0.2, 0.5], [-0.3, 0.4]);
+        for radius_mm in [30.0, -30.0, f64::INFINITY, f64::NEG_INFINITY] {
+            let sphere = ReferenceSphere { centre_mm: [0.5, 0.1], radius_mm };
+            let (run, towards) = sphere.push_forward(at, d, moved, turned);
+            // The transpose, for some cotangents.
+            let (place_bar, direction_bar) = sphere.pull_back(at, d, 0.9, [1.3, -0.8]);
+            let left = 0.9 * run + 1.3 * towards[0] - 0.8 * towards[1];
+            let right: f64 = (0..2).map(|k| place_bar[k] * moved[k] + direction_bar[k] * turned[k]).sum();
+            assert!((left - right).abs() < 1e-14, "{radius_mm}: {left} {right}");
+            // Central differences; the third component of the direction is held.
+            let h = 1e-6;
+            let step = |h: f64| {
+                let at = [0, 1].map(|k| at[k] + h * moved[k]);
+                sphere.run(at, [d[0] + h * turned[0], d[1] + h * turned[1], d[2]])
+            };
+            let ((run_plus, plus), (run_minus, minus)) = (step(h), step(-h));
+            assert!(((run_plus - run_minus) / (2.0 * h) - run).abs() < 1e-8, "{radius_mm}");
+            for k in 0..2 {
+                assert!(((plus[k] - minus[k]) / (2.0 * h) - towards[k]).abs() < 1e-8, "{radius_mm}");
+            }
+        }
+    }
 }

@@ -2,6 +2,8 @@
 
 use std::f64::consts::TAU;
 
+use nalgebra::DMatrix;
+
 use super::map::WaveMap;
 use super::matrix::Complex;
 use super::nodes::{NodeGrid, NodeWave, NodeWaveBar};
@@ -198,8 +200,54 @@ impl WaveChannel {
         (sums.origin, by_stop)
     }
 
-    /// Derivative of the field by the index behind the lens, through the phases from nodes to points of the image `step_mm` apart.
+    /// Changes of [`Shown`] along changes of the lens, of the logarithm of the stop radius and of the position of the chief ray, mm: the
+    /// transpose of [`WaveChannel::pull_back`].
+    pub fn push_forward(
+        &self,
+        sequence: &Sequence,
+        grid: ImageGrid,
+        change: &LensGradient,
+        stop_growth: f64,
+        chief_mm: [f64; 2],
+    ) -> Shown {
+        let moved = self.map.push_forward(sequence, change, stop_growth, chief_mm);
+        let NodeWave { wave, energy, .. } = self.grid().wave(&self.map);
+        let by = self.grid().push_forward(&self.map, &moved);
+        // The transform is linear.
+        let per_pixel = self.samples_per_pixel(grid);
+        let transform = self.transform(grid, per_pixel);
+        let field = transform.field(&wave, self.columns());
+        let mut field_change = transform.field(&by.wave, self.columns());
+        let area = self.cell() * self.cell();
+        let unit = self.energy_per_sample(grid, per_pixel) * area / energy;
+        let mut growth = -by.energy / energy;
+        // The index behind the lens enters the phases k n' x.d and the energy of a sample. It is constant if the medium is air.
+        if (self.map.n_image.abs() - 1.0).abs() > 1e-9 {
+            let by_index = self.field_by_index(&wave, &transform, grid.pitch_mm / per_pixel as f64);
+            field_change = Complex::add(&field_change, &by_index.scaled(moved.n_image));
+            growth += 2.0 * moved.n_image / self.map.n_image;
+        }
+        // Differentiate |E|^2, and the energy of all nodes by which it is divided.
+        let mut values = vec![0.0; grid.cells * grid.cells];
+        for y in 0..grid.cells * per_pixel {
+            for x in 0..grid.cells * per_pixel {
+                let (re, im) = (field.re[(x, y)], field.im[(x, y)]);
+                let by = 2.0 * (re * field_change.re[(x, y)] + im * field_change.im[(x, y)]);
+                values[y / per_pixel * grid.cells + x / per_pixel] +=
+                    unit * (by + growth * (re * re + im * im));
+            }
+        }
+        Shown { values, density: by.light * area }
+    }
+
+    /// Derivative of a loss by the index behind the lens, through the phases from nodes to points of the image `step_mm` apart.
     fn by_index(&self, wave: &Complex, transform: &Transform, field_bar: &Complex, step_mm: f64) -> f64 {
+        let by_index = self.field_by_index(wave, transform, step_mm);
+        field_bar.re.dot(&by_index.re) + field_bar.im.dot(&by_index.im)
+    }
+
+    /// Derivative of the field by the index behind the lens, at the points of [`WaveChannel::by_index`].
+    fn field_by_index(&self, wave: &Complex, transform: &Transform, step_mm: f64) -> Complex {
         // d/dn' of sum A exp(i k n' (x l + y m)), l and m minus their middles. The wave times l is odd where the wave is even.
         let (grid, first) = (self.grid(), self.grid().columns(self.map.samples.sides).start);
         let tilted = |axis: usize| {
@@ -214,18 +262,13 @@ impl WaveChannel {
         };
         let by_x = transform.field(&tilted(0), by_l);
         let by_y = transform.field(&tilted(1), by_m);
-        let places = field_bar.re.nrows();
+        let places = by_x.re.nrows();
         let place = |g: usize| (g as f64 - 0.5 * (places as f64 - 1.0)) * step_mm * self.wavenumber;
-        let mut sum = 0.0;
-        for h in 0..places {
-            for g in 0..places {
-                // i (x l + y m): its real and imaginary part.
-                let re = -(place(g) * by_x.im[(g, h)] + place(h) * by_y.im[(g, h)]);
-                let im = place(g) * by_x.re[(g, h)] + place(h) * by_y.re[(g, h)];
-                sum += field_bar.re[(g, h)] * re + field_bar.im[(g, h)] * im;
-            }
-        }
-        sum
+        // Multiply by i (x l + y m).
+        let along = |x: &DMatrix<f64>, y: &DMatrix<f64>| {
+            DMatrix::from_fn(places, places, |g, h| place(g) * x[(g, h)] + place(h) * y[(g, h)])
+        };
+        Complex { re: along(&by_x.re, &by_y.re), im: along(&by_x.im, &by_y.im) }.times_i()
     }
 
     /// Half of the derivative of the energy of a sample by the index behind the lens.

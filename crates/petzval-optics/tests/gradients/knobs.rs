@@ -136,7 +136,7 @@ fn knobs(lens: &Lens) -> Vec<Knob> {
 }
 
 /// Shifts the index of the medium behind a surface by h at every wavelength.
-fn shift_index(lens: &mut Lens, surface: usize, h: f64) {
+pub fn shift_index(lens: &mut Lens, surface: usize, h: f64) {
     let glass = lens.surfaces[surface].glass.clone();
     let at: Vec<f64> = [lens.wavelengths_um.clone(), vec![lens.reference_um]].concat();
     let mut at = at;

@@ -5,6 +5,7 @@ mod common;
 
 mod coordinates;
 mod first_order;
+mod forward;
 mod knobs;
 mod psfs;
 mod spots;

@@ -67,6 +67,9 @@ class PsfPlan:
         chief_mm: ArrayLike,
         watch: _Watch,
     ) -> NDArray[float64]: ...
+    def push_forward(
+        self, space: DesignSpace, numbers: ArrayLike, direction: ArrayLike, watch: _Watch
+    ) -> tuple[NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64]]: ...
 
 class Sensor:
     @staticmethod

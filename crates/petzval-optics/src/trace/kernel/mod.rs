@@ -16,4 +16,4 @@ pub use aim::AimedRays;
 pub use backward::{Reaim, Seeds, WaveSeeds, pull_back};
 pub use forward::{SquaredHeights, trace, trace_with_heights};
 pub use jacobian::{LandingJacobian, landing_jacobian};
-pub use tangent::{RayTangents, push_change};
+pub use tangent::{RayTangents, push_change, push_change_with_heights};

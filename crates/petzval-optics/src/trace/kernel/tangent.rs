@@ -3,7 +3,7 @@
 use pulp::{Simd, WithSimd};
 
 use super::aim::{AimedRays, launched_rays};
-use super::forward::{Crossing, aperture, is_dead, load, trace_rays};
+use super::forward::{Crossing, SquaredHeights, aperture, is_dead, load, trace_rays};
 use super::frame::{self, FrameChange};
 use super::general;
 use super::rays::{Rays, Tangent};
@@ -29,6 +29,10 @@ pub struct RayTangents {
     pub optical_path: Vec<f64>,
     /// Change of the direction cosines at the image.
     pub direction: [Vec<f64>; 3],
+    /// Change of the launch coordinates, mm; zero for rays that keep their launch.
+    pub launch_mm: [Vec<f64>; 2],
+    /// Change of the squared heights at some surfaces, mm^2.
+    pub heights: Vec<SquaredHeights>,
 }
 
 /// Changes of the sag, of its slope dz/du and of `mu` at the points of rays, for a change of the own numbers of surface `i`.
@@ -83,13 +87,14 @@ fn frame_change(frame: &Frame, change: &LensGradient, i: usize) -> FrameChange {
 }
 
 /// Carries a tangent along a tape to behind its last surface, in the coordinates of that surface. Also returns the relative
-/// change of the transmission and the change of the optical path.
+/// change of the transmission and the change of the optical path. `heights` receives the changes of squared heights.
 #[inline(always)]
 fn carry<S: Simd>(
     sequence: &Sequence,
     change: &LensGradient,
     tape: &[Crossing<S>],
     start: Tangent<S>,
+    heights: &mut [(usize, Lanes<S>)],
 ) -> (Tangent<S>, Lanes<S>, Lanes<S>) {
     let mut tangent = start;
     let zero = tape[0].path.constant(0.0);
@@ -134,6 +139,9 @@ fn carry<S: Simd>(
         if surface.is_general {
             let [by_x, by_y] = general::added_path_slope(surface, crossing.point);
             optical_path += by_x * tangent.position[0] + by_y * tangent.position[1];
+        }
+        for (_, change) in heights.iter_mut().filter(|(surface, _)| *surface == i) {
+            *change = (x * tangent.position[0] + y * tangent.position[1]) * 2.0;
         }
         // Add the relative change of the transmission of the clear aperture.
         let u = x.mul_add(x, y * y);
@@ -184,6 +192,10 @@ impl WithSimd for PushForward<'_> {
         let stop = sequence.stop;
         let last = sequence.surfaces.len() - 1;
         let mut tape = Vec::with_capacity(last + 1);
+        let mut heights = Vec::with_capacity(out.heights.len());
+        for h in &out.heights {
+            heights.push((h.surface, zero));
+        }
         for at in (0..launched.len()).step_by(width::<S>()) {
             // Trace the rays, and record the crossings.
             let read = |from: &[f64]| Lanes::load(simd, &from[at..]);
@@ -193,13 +205,16 @@ impl WithSimd for PushForward<'_> {
             if let Some((aimed, stop_growth)) = aimed {
                 // Re-aim: carry a zero tangent to the stop, and move the launch point so that the point there changes by
                 // dR/R q: Q ds + dq(lens) = dR/R q.
-                let (moved, ..) = carry(sequence, change, &tape[..=stop], start);
+                let (moved, ..) = carry(sequence, change, &tape[..=stop], start, &mut []);
                 let [qx, qy, _] = tape[stop].point;
                 let miss = [qx * stop_growth - moved.position[0], qy * stop_growth - moved.position[1]];
                 let [[a, b], [c, d]] =
                     aimed.stop_by_launch.each_ref().map(|row| row.each_ref().map(|v| read(v)));
                 let per_det = zero.constant(1.0) / (a * d - b * c);
                 let ds = [(d * miss[0] - b * miss[1]) * per_det, (a * miss[1] - c * miss[0]) * per_det];
+                for (ds, to) in ds.into_iter().zip(&mut out.launch_mm) {
+                    ds.store(&mut to[at..]);
+                }
                 let (_, by) =
                     launched_rays(sequence, aimed.field_rad, [read(&launched.x), read(&launched.y)]);
                 start = Tangent {
@@ -208,7 +223,7 @@ impl WithSimd for PushForward<'_> {
                 };
             }
             // Carry the tangent through the whole lens.
-            let (end, light, mut optical_path) = carry(sequence, change, &tape, start);
+            let (end, light, mut optical_path) = carry(sequence, change, &tape, start, &mut heights);
             let end = to_axis(sequence, change, last, &tape[last], &end);
             // Differentiate the run to the image plane: x = p_x + s d_x with s = (thickness - p_z) / d_z.
             let d = arrival.ray.direction;
@@ -226,6 +241,9 @@ impl WithSimd for PushForward<'_> {
             for (by, to) in end.direction.into_iter().zip(&mut out.direction) {
                 alive(by).store(&mut to[at..]);
             }
+            for ((_, by), to) in heights.iter().zip(&mut out.heights) {
+                alive(*by).store(&mut to.values[at..]);
+            }
         }
     }
 }
@@ -240,6 +258,17 @@ pub fn push_change(
     change: &LensGradient,
     aimed: Option<(&AimedRays, f64)>,
 ) -> RayTangents {
+    push_change_with_heights(sequence, launched, change, aimed, &[])
+}
+
+/// [`push_change`], with the changes of the squared heights of the rays at some surfaces.
+pub fn push_change_with_heights(
+    sequence: &Sequence,
+    launched: &RayBundle,
+    change: &LensGradient,
+    aimed: Option<(&AimedRays, f64)>,
+    surfaces: &[usize],
+) -> RayTangents {
     let zero = || vec![0.0; RayBundle::padded(launched.len())];
     let mut out = RayTangents {
         image_x: zero(),
@@ -247,6 +276,8 @@ pub fn push_change(
         transmission: zero(),
         optical_path: zero(),
         direction: [zero(), zero(), zero()],
+        launch_mm: [zero(), zero()],
+        heights: surfaces.iter().map(|s| SquaredHeights::zero(*s, launched.len())).collect(),
     };
     dispatch(PushForward { sequence, launched, change, aimed, out: &mut out });
     out

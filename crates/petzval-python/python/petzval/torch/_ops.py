@@ -6,8 +6,8 @@ The free coordinates ``x`` of a design space settle the numbers of the lens that
     x --lens_penalty--> penalty
 
 Each is a `torch.library` operator, so that ``torch.compile`` sees one node, inside an `autograd.Function`, so that ``torch.func`` can transform
-it. The tape of the adjoints is no tensor: backward traces the rays again, by an operator of its own. An operator takes a design space as the
-integer that `key_of` gives.
+it. The tape of the adjoints is no tensor: backward traces the rays again, by an operator of its own, and so does forward mode. An operator takes
+a design space as the integer that `key_of` gives.
 """
 
 from __future__ import annotations
@@ -108,6 +108,17 @@ def _psf_backward(numbers: Tensor, by_values: Tensor, by_illumination: Tensor, b
     return torch.from_numpy(gradient)
 
 
+def _psf_forward(numbers: Tensor, direction: Tensor, *plan: Any) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    along = _array(direction)
+    if not np.isfinite(along).all():
+        values, light, chief_mm, captured = _fake_psf(numbers, *plan)
+        return values.fill_(torch.nan), light.fill_(torch.nan), chief_mm.fill_(torch.nan), captured.fill_(torch.nan)
+    with watch() as watching:
+        found = plan_of(plan).push_forward(space_of(plan[0])._core, _array(numbers), along, watching)
+    values, light, chief_mm, captured = (torch.from_numpy(array) for array in found)
+    return values, light, chief_mm, captured
+
+
 def _fake_lens_numbers(x: Tensor, space: int) -> tuple[Tensor, Tensor]:
     numbers = space_of(space)._core.number_count()
     return x.new_empty((numbers,)), x.new_empty((numbers, x.shape[0]))
@@ -128,6 +139,10 @@ def _fake_psf(numbers: Tensor, *plan: Any) -> tuple[Tensor, Tensor, Tensor, Tens
 
 def _fake_psf_backward(numbers: Tensor, *_: Any) -> Tensor:
     return torch.empty_like(numbers)
+
+
+def _fake_psf_forward(numbers: Tensor, direction: Tensor, *plan: Any) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    return _fake_psf(numbers, *plan)
 
 
 class _Operator:
@@ -174,12 +189,27 @@ PSF_BACKWARD = _Operator(
     _fake_psf_backward,
     4,
 )
+PSF_FORWARD = _Operator(
+    "psf_forward", f"(Tensor numbers, Tensor direction, {PLAN}) -> (Tensor, Tensor, Tensor, Tensor)", _psf_forward, _fake_psf_forward, 2
+)
 
 
 def _keep(ctx: Any, space: int) -> None:
     """Makes a graph keep its design space. A compiled graph holds the module instead, and cannot hold more."""
     if not torch.compiler.is_compiling():
         ctx.space = space_of(space)
+
+
+class _Whole:
+    """A plan as one argument: function transforms take lists apart, and vmap then miscounts the arguments. `torch.compile` takes plain arguments alone."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+
+
+def _parts(plan: tuple[Any, ...]) -> tuple[Any, ...]:
+    """The arguments of an operator, from those of its function."""
+    return plan[0].plan if isinstance(plan[0], _Whole) else plan
 
 
 class _First(torch.autograd.Function):
@@ -200,6 +230,12 @@ class _First(torch.autograd.Function):
         raise NotImplementedError(_NO_SECOND)
 
 
+class _FirstForward(_First):
+    @staticmethod
+    def jvp(ctx: Any, *by: Any) -> Any:
+        raise NotImplementedError(_NO_SECOND)
+
+
 class _LensNumbers(torch.autograd.Function):
     generate_vmap_rule = True
 
@@ -210,19 +246,20 @@ class _LensNumbers(torch.autograd.Function):
     @staticmethod
     def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
         _keep(ctx, inputs[1])
+        # The same ones for both: of two, vmap remembers the later.
         ctx.save_for_backward(inputs[0], output[1])
-        ctx.save_for_forward(output[1])
+        ctx.save_for_forward(inputs[0], output[1])
 
     @staticmethod
     def backward(ctx: Any, by_numbers: Tensor, by_slopes: Tensor) -> Any:
         x, slopes = ctx.saved_tensors
-        return _First.apply(by_numbers @ slopes, x), None
+        return _applied(_First, _FirstForward, by_numbers @ slopes, x), None
 
 
 class _LensNumbersForward(_LensNumbers):
     @staticmethod
     def jvp(ctx: Any, x_dot: Tensor, space: None) -> Any:
-        (slopes,) = ctx.saved_tensors
+        _, slopes = ctx.saved_tensors
         return slopes @ x_dot, torch.zeros_like(slopes)
 
 
@@ -236,19 +273,20 @@ class _LensPenalty(torch.autograd.Function):
     @staticmethod
     def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
         _keep(ctx, inputs[1])
+        # The same ones for both: of two, vmap remembers the later.
         ctx.save_for_backward(inputs[0], output[1])
-        ctx.save_for_forward(output[1])
+        ctx.save_for_forward(inputs[0], output[1])
 
     @staticmethod
     def backward(ctx: Any, by_value: Tensor, by_slopes: Tensor) -> Any:
         x, slopes = ctx.saved_tensors
-        return _First.apply(by_value * slopes, x), None
+        return _applied(_First, _FirstForward, by_value * slopes, x), None
 
 
 class _LensPenaltyForward(_LensPenalty):
     @staticmethod
     def jvp(ctx: Any, x_dot: Tensor, space: None) -> Any:
-        (slopes,) = ctx.saved_tensors
+        _, slopes = ctx.saved_tensors
         return (slopes * x_dot).sum(), torch.zeros_like(slopes)
 
 
@@ -257,7 +295,7 @@ class _PsfBackward(torch.autograd.Function):
 
     @staticmethod
     def forward(numbers: Tensor, by_values: Tensor, by_illumination: Tensor, by_chief_mm: Tensor, *plan: Any) -> Any:
-        return PSF_BACKWARD.call(numbers, by_values, by_illumination, by_chief_mm, *plan)
+        return PSF_BACKWARD.call(numbers, by_values, by_illumination, by_chief_mm, *_parts(plan))
 
     @staticmethod
     def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
@@ -268,34 +306,64 @@ class _PsfBackward(torch.autograd.Function):
         raise NotImplementedError(_NO_SECOND)
 
 
+class _PsfBackwardForward(_PsfBackward):
+    @staticmethod
+    def jvp(ctx: Any, *by: Any) -> Any:
+        raise NotImplementedError(_NO_SECOND)
+
+
+class _PsfAlong(torch.autograd.Function):
+    """Derivatives of PSFs along a direction of the numbers of the lens."""
+
+    generate_vmap_rule = True
+
+    @staticmethod
+    def forward(numbers: Tensor, direction: Tensor, *plan: Any) -> Any:
+        return PSF_FORWARD.call(numbers, direction, *_parts(plan))
+
+    @staticmethod
+    def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
+        pass
+
+    @staticmethod
+    def backward(ctx: Any, *by: Tensor) -> Any:
+        raise NotImplementedError(_NO_SECOND)
+
+    @staticmethod
+    def jvp(ctx: Any, *by: Any) -> Any:
+        raise NotImplementedError(_NO_SECOND)
+
+
 class _Psf(torch.autograd.Function):
     generate_vmap_rule = True
 
     @staticmethod
     def forward(numbers: Tensor, *plan: Any) -> Any:
-        return PSF.call(numbers, *plan)
+        return PSF.call(numbers, *_parts(plan))
 
     @staticmethod
     def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
-        _keep(ctx, inputs[1])
+        _keep(ctx, _parts(inputs[1:])[0])
         ctx.save_for_backward(inputs[0])
+        ctx.save_for_forward(inputs[0])
         ctx.plan = inputs[1:]
 
     @staticmethod
     def backward(ctx: Any, by_values: Tensor, by_illumination: Tensor, by_chief_mm: Tensor, by_captured: Tensor) -> Any:
         (numbers,) = ctx.saved_tensors
-        by = _PsfBackward.apply(numbers, by_values, by_illumination, by_chief_mm, *ctx.plan)
+        by = _applied(_PsfBackward, _PsfBackwardForward, numbers, by_values, by_illumination, by_chief_mm, *ctx.plan)
         return by, *(None,) * len(ctx.plan)
 
 
 class _PsfForward(_Psf):
     @staticmethod
-    def jvp(ctx: Any, *by: Any) -> Any:
-        raise NotImplementedError("PSFs have no forward derivative: use backward, torch.func.grad, vjp or jacrev; the slope of a loss along u is torch.func.grad(loss)(x) @ u")
+    def jvp(ctx: Any, numbers_dot: Tensor, *plan: None) -> Any:
+        (numbers,) = ctx.saved_tensors
+        return _PsfAlong.apply(numbers, numbers_dot, *ctx.plan)
 
 
 LENS_NUMBERS.function, LENS_PENALTY.function = _LensNumbers, _LensPenalty
-PSF.function, PSF_BACKWARD.function = _Psf, _PsfBackward
+PSF.function, PSF_BACKWARD.function, PSF_FORWARD.function = _Psf, _PsfBackward, _PsfAlong
 
 
 def _applied(function: Any, with_jvp: Any, *arguments: Any) -> Any:
@@ -318,5 +386,6 @@ def lens_penalty(x: Tensor, space: int) -> Tensor:
 def psf(numbers: Tensor, plan: Plan) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Values ``[field, wavelength, y, x]``, illumination ``[field, wavelength]``, chief rays ``[field, 2]``, mm, and the captured share of the light
     ``[field, wavelength]``, which has no gradient."""
-    values, light, chief_mm, captured = _applied(_Psf, _PsfForward, numbers, *plan)
+    whole = plan if torch.compiler.is_compiling() else (_Whole(plan),)
+    values, light, chief_mm, captured = _applied(_Psf, _PsfForward, numbers, *whole)
     return values, light, chief_mm, captured.detach()

@@ -78,8 +78,9 @@ class Lens(nn.Module):
     Rays are traced on the CPU. If ``x`` is on another device, it is copied to the CPU and the results are copied back. A device without float64
     leaves ``x`` where it is.
 
-    First derivatives go by autograd, ``torch.func.grad``, ``jacrev``, ``vmap`` and ``torch.compile(fullgraph=True)``. PSFs have no forward mode
-    (``jvp``); penalties have one. Second derivatives raise `NotImplementedError`.
+    First derivatives go by autograd, ``torch.func.grad``, ``jacrev``, ``vmap`` and ``torch.compile(fullgraph=True)``, and by forward mode outside
+    ``torch.compile``: ``torch.func.jvp``, ``jacfwd`` and ``torch.autograd.forward_ad``. Forward mode costs one trace of the rays a direction, so it
+    suits few coordinates and many outputs. Second derivatives raise `NotImplementedError`.
 
     Args:
         lens: The lens to begin with.
