@@ -5,7 +5,7 @@
 //! | [`FileError`] | an error in a file: line, key, value, and a hint |
 //! | [`reason_and_hint`] | the parts of an error that is one text |
 //! | [`Cancel`] | the flag that stops long work |
-//! | [`Tally`] | how much of parallel work is done, told in ascending order |
+//! | [`Tally`] | how much of parallel work is done, reported in ascending order |
 //! | [`parameter`] | the description of a number that a user may set: unit, range, scale, default, sentence |
 //! | [`read_whole`], [`read_text`], [`open_file`] | read files, and refuse what may have no end |
 //! | [`write_whole`] | writes a file completely or not at all |

@@ -1,22 +1,22 @@
-//! How much of parallel work is done, told in ascending order.
+//! How much of parallel work is done, reported in ascending order.
 
 use std::sync::{Mutex, PoisonError};
 
-/// Counts units of work that end on several threads, and tells each count before the next one arises.
+/// Counts units of work that end on several threads, and reports each count before the next one arises.
 ///
-/// An atomic counter would give every unit a number of its own, too, but a thread could be held up between counting and telling: a
+/// An atomic counter would give every unit a number of its own, too. But a thread may be held up between the counting and the report, and a
 /// watcher would see 2 before 1.
 #[derive(Debug, Default)]
 pub struct Tally(Mutex<u64>);
 
 impl Tally {
-    /// Adds units and tells how many are done now. `tell` runs on the calling thread, while the others wait to count:
+    /// Adds units and reports how many are done now. `report` runs on the calling thread while the others wait to count:
     /// it neither counts itself nor starts parallel work.
-    pub fn add<T>(&self, units: u64, tell: impl FnOnce(u64) -> T) -> T {
+    pub fn add<T>(&self, units: u64, report: impl FnOnce(u64) -> T) -> T {
         // A watcher that panicked leaves the count as it was.
         let mut done = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         *done += units;
-        tell(*done)
+        report(*done)
     }
 }
 
@@ -27,21 +27,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn counts_of_four_threads_are_told_in_ascending_order() {
-        let (tally, told) = (Tally::default(), Mutex::new(Vec::new()));
+    fn counts_of_four_threads_are_reported_in_ascending_order() {
+        let (tally, seen) = (Tally::default(), Mutex::new(Vec::new()));
         thread::scope(|scope| {
             for _ in 0..4 {
                 scope.spawn(|| {
                     for _ in 0..500 {
                         tally.add(1, |done| {
                             thread::yield_now();
-                            told.lock().unwrap().push(done);
+                            seen.lock().unwrap().push(done);
                         });
                     }
                 });
             }
         });
-        assert_eq!(told.into_inner().unwrap(), (1..=2000).collect::<Vec<u64>>());
+        assert_eq!(seen.into_inner().unwrap(), (1..=2000).collect::<Vec<u64>>());
     }
 
     #[test]
