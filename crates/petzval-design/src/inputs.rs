@@ -188,8 +188,36 @@ fn make_parent(path: &Path) -> Result<(), DesignError> {
     std::fs::create_dir_all(folder).map_err(DesignError::io(folder))
 }
 
-/// Refuses to go on with a run, or to score it again, from other inputs than it was made from, which are named. Returns those of the setup.
+/// Refuses to go on with a run from other inputs than it was made from, which are named. Returns those of the setup.
 pub fn check_inputs(setup: &Setup, run: &RunFolder) -> Result<Inputs, DesignError> {
+    compared(setup, run)?.map_err(|changed| {
+        let problem = format!("{changed}; put them back, or start a new run");
+        DesignError::Run { path: run.fingerprint(), problem }
+    })
+}
+
+/// Refuses to score a run on its own pictures from other inputs than it was made from. A user may accept them as a change of the folder `inputs`.
+pub fn check_inputs_or_accepted(
+    setup: &Setup,
+    run: &RunFolder,
+    check: &DigestCheck,
+) -> Result<(), DesignError> {
+    let Err(changed) = compared(setup, run)? else { return Ok(()) };
+    accepted_or_refused(&changed, run, check)
+}
+
+/// Accepts inputs that were changed, as a change of the folder `inputs`, or refuses them with what was changed.
+fn accepted_or_refused(changed: &str, run: &RunFolder, check: &DigestCheck) -> Result<(), DesignError> {
+    if check.is_accepted(&ChangedFile { name: "inputs".to_owned(), is_missing: false }) {
+        return Ok(());
+    }
+    let problem =
+        format!("{changed}; hint: put them back, or add `--accept-changed inputs` if you mean the change");
+    Err(DesignError::Run { path: run.root().to_path_buf(), problem })
+}
+
+/// The inputs of the setup if they are those that the run was made from, else what was changed, in words.
+fn compared(setup: &Setup, run: &RunFolder) -> Result<Result<Inputs, String>, DesignError> {
     let path = run.fingerprint();
     let noted = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
     let then = InputList::read(run)?;
@@ -201,20 +229,22 @@ pub fn check_inputs(setup: &Setup, run: &RunFolder) -> Result<Inputs, DesignErro
     let read = first_reads::read(run)?;
     let then = then.map(|then| then.with_unread(&now.list, |name| read.contains_key(name)));
     let changed = then.map_or_else(Vec::new, |then| then.differences(&now.list));
-    if let Some(reads) = setup.windows()?.first_reads() {
-        reads.expect(read);
-    }
     if noted.trim() == now.fingerprint || are_read_later && changed.is_empty() {
-        return Ok(now);
+        if let Some(reads) = setup.windows()?.first_reads() {
+            reads.expect(read);
+        }
+        return Ok(Ok(now));
     }
-    let what = match &changed[..] {
+    Ok(Err(match &changed[..] {
         [] => "lens, glasses, sensor, ISP, networks in place of tracing, PSFs, given weights, photographs or labelled pictures are not those that \
                this run began with, or an earlier version began it"
             .to_owned(),
-        named => format!("inputs are not those that this run began with: {}", named.join(", ")),
-    };
-    let problem = format!("{what}; put them back, or start a new run");
-    Err(DesignError::Run { path, problem })
+        named => other_inputs(named),
+    }))
+}
+
+fn other_inputs(named: &[String]) -> String {
+    format!("inputs are not those that this run began with: {}", named.join(", "))
 }
 
 /// Refuses to use or to show the cameras of a run with another lens, sensor, ISP or network than it was made from: what every verb checks that
@@ -225,15 +255,7 @@ pub fn check_parts_or_accepted(
     check: &DigestCheck,
 ) -> Result<(), DesignError> {
     let changed = changed_parts(setup, run)?;
-    let change = ChangedFile { name: "inputs".to_owned(), is_missing: false };
-    if changed.is_empty() || check.is_accepted(&change) {
-        return Ok(());
-    }
-    let problem = format!(
-        "inputs are not those that this run began with: {}; hint: put them back, or add `--accept-changed inputs` if you mean the change",
-        changed.join(", ")
-    );
-    Err(DesignError::Run { path: run.root().to_path_buf(), problem })
+    if changed.is_empty() { Ok(()) } else { accepted_or_refused(&other_inputs(&changed), run, check) }
 }
 
 /// What of lens, sensor, ISP and networks is not as the run was made from, in words. Nothing is known of a folder of an earlier version.

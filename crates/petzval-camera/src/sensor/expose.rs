@@ -87,7 +87,6 @@ pub(crate) fn expose_tracked(
 /// The data that all rows of an exposure share.
 pub(super) struct Frame<'a> {
     irradiance: &'a LinearImage,
-    sensor: &'a SensorModel,
     capture: &'a Capture,
     chain: Chain,
     streams: FrameStreams,
@@ -110,7 +109,6 @@ impl<'a> Frame<'a> {
         let first = capture.placement.col;
         Self {
             irradiance,
-            sensor,
             capture,
             chain: Chain::new(sensor, capture, streams.noisy()),
             streams,
