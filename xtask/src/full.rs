@@ -23,6 +23,8 @@ enum Work {
     Cargo { words: Vec<String>, variable: Option<(&'static str, &'static str)> },
     /// The Python package, with PyTorch.
     Python,
+    /// A training step beside one of DeepLens.
+    DeepLens,
     /// Tensors on a GPU.
     Devices,
     /// The page of the studio, and the studio in a browser.
@@ -75,6 +77,7 @@ impl Work {
                 }
             }
             Self::Python => python::check(true).map_err(|problems| problems.join("\n")),
+            Self::DeepLens => python::beside_deeplens(),
             Self::Devices => devices::run(root, None),
             Self::Studio => studio::run(root, false, &studio::answers),
             Self::Engine(part) => engines::run(part),
@@ -106,6 +109,7 @@ fn parts(root: &Path) -> Result<Vec<Part>, String> {
             Some(("PETZVAL_WHOLE_BOOK", "1")),
         ),
         Part { name: "the Python package, with PyTorch".to_owned(), work: Work::Python },
+        Part { name: "a training step beside DeepLens".to_owned(), work: Work::DeepLens },
         Part { name: "tensors on a GPU, by software Vulkan".to_owned(), work: Work::Devices },
         Part { name: "the studio, in a browser".to_owned(), work: Work::Studio },
     ];
@@ -158,6 +162,7 @@ mod tests {
         assert!(parts.len() > 20 && sets("PETZVAL_MUTATIONS") && sets("PETZVAL_WHOLE_BOOK"));
         assert!(parts.iter().any(|part| part.name.ends_with("slurm")));
         // A chore that may end without having run is no command, whose exit code says only whether it failed.
+        assert!(parts.iter().any(|part| matches!(part.work, Work::DeepLens)));
         assert!(!has("xtask") && parts.iter().any(|part| matches!(part.work, Work::Studio)));
     }
 }

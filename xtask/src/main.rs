@@ -29,7 +29,13 @@ fn main() -> ExitCode {
         "layers" => layers::check(),
         "words" => words::check(),
         "python" => {
-            python::check(std::env::args().any(|word| word == "--torch")).map(|ended| ended.to_string())
+            let has = |word: &str| std::env::args().any(|given| given == word);
+            let ended = if has("--deeplens") {
+                python::beside_deeplens().map_err(|problem| vec![problem])
+            } else {
+                python::check(has("--torch"))
+            };
+            ended.map(|ended| ended.to_string())
         }
         "studio" => {
             studio::check(std::env::args().any(|word| word == "--page")).map(|ended| ended.to_string())
@@ -40,7 +46,7 @@ fn main() -> ExitCode {
         "full" => full::check(),
         _ => {
             eprintln!(
-                "usage: cargo xtask layers|words|python [--torch]|studio [--page]|engines|devices|results [--check]|full"
+                "usage: cargo xtask layers|words|python [--torch|--deeplens]|studio [--page]|engines|devices|results [--check]|full"
             );
             return ExitCode::from(2);
         }

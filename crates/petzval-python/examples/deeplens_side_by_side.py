@@ -1,10 +1,11 @@
 """The same end-to-end step in DeepLens and in Petzval: time, memory, and errors of PSFs and of a gradient. Needs PyTorch, and for the rows of
-DeepLens deeplens-core, which needs Python 3.12.
+DeepLens deeplens-core, which needs Python 3.12. It takes about ten minutes of CPU time.
 
-Both programs have the Cooke triplet, four fields, three wavelengths, PSFs of 64 x 64 cells of 3.45 um, and one thread. What follows the PSFs is the
-same code: pictures are blurred by FFT, a small network restores them, and lens and network take a step of Adam. Each setting runs in a process of
-its own. Errors are those against a third program, the dense trace in NumPy below, which has the refractive indices and the object distance of the
-program that it judges.
+Both programs have the Cooke triplet, four fields, three wavelengths, and PSFs of 64 x 64 cells of 3.45 um. What follows the PSFs is the
+same code: pictures are blurred by FFT, a small network restores them, and lens and network take a step of Adam. Each setting is timed in a process
+of its own, on one thread and on two. PSFs are compared with those of a dense trace in NumPy below, which has the refractive indices and the object
+distance of the program that it judges, and with those of the same program at a million rays. Gradients are compared with central differences of
+the dense trace, and of the same program in float64.
 """
 
 # %% The setting.
@@ -19,6 +20,7 @@ import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -28,12 +30,38 @@ import numpy as np
 import petzval as pz
 
 LENS, GRID, PITCH_UM, SURFACE = "cooke-triplet-nominal", 64, 3.45, 3
-WAVELENGTHS_UM, FIELDS = (0.62, 0.55, 0.486), (0.0, 0.07, 0.14, 0.2)  # fields as tangents
-STEPS, DRAWS, DENSE = 5, 6, 1000
-PETZVAL_CELLS = (16, 32, 64, 128)
-DEEPLENS_RAYS = (512, 2048, 8192, 32768)  # 8192 is the default of DeepLens
-
 lens = pz.Lens.load(LENS)
+
+# Fields are tangents. Green is the reference wavelength: DeepLens then takes its chief rays from the rays of the green PSF.
+WAVELENGTHS_UM, FIELDS = (0.656, lens.reference_um, 0.486), (0.0, 0.07, 0.14, 0.2)
+PARTS, STEPS, WARM_UP, DRAWS, DENSE = 5, 20, 2, 4, 1000
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A row of the tables: a program and how many rays it takes."""
+
+    name: str
+    program: str
+    number: int  # pupil cells a side of Petzval, rays a PSF of DeepLens
+    float64: bool = False
+    chief_rays: int = 8192  # from which DeepLens takes the one nearest to the middle of the stop: 8192 is its default
+    is_timed: bool = True
+
+
+PETZVAL = [Setting(f"Petzval, {n} x {n} pupil cells", "petzval", n) for n in (16, 32, 64, 128)]
+PETZVAL_DENSE = Setting(f"Petzval, {DENSE} x {DENSE}", "petzval", DENSE, is_timed=False)
+DEEPLENS = [
+    *(Setting(f"DeepLens, {n} rays", "deeplens", n) for n in (512, 2048, 8192, 32768)),
+    Setting("DeepLens, 8192 rays, float64", "deeplens", 8192, float64=True),
+    Setting("DeepLens, 65536 rays, chief rays too", "deeplens", 65536, chief_rays=65536),
+]
+DEEPLENS_DENSE = Setting(f"DeepLens, {DENSE**2} rays", "deeplens", DENSE**2, float64=True, chief_rays=DENSE**2, is_timed=False)
+# What is shown of each program in the last line: its default.
+PETZVAL_SHOWN, DEEPLENS_SHOWN = PETZVAL[2], DEEPLENS[2]
+
+# Limits of what is checked: the PSF error of `PETZVAL_SHOWN`, its gradient against its own central differences, and the two programs' indices.
+WORST_PSF, WORST_GRADIENT, WORST_INDEX = 0.005, 1e-6, 1e-5
 
 
 # %% A dense trace in NumPy: every ray by itself, Newton's method on the surfaces, hard edges, and a bilinear splat.
@@ -41,17 +69,29 @@ lens = pz.Lens.load(LENS)
 class Dense:
     """A lens before an object at a distance, mm, which may be infinite. `indices` has the index behind each surface by wavelength.
 
-    PSFs are about its chief rays, or about those of another lens.
+    PSFs are about its chief rays, or about those of another lens. The stop has its radius, as in DeepLens, or with `holds_pupil` the one that gives
+    the entrance pupil its diameter, as in Petzval: the aperture of the lens is that diameter.
     """
 
     indices: dict[float, list[float]]
     distance_mm: float
     curvatures: list[float]
     centred_by: Dense | None = None
+    holds_pupil: bool = False
+
+    def stop_mm(self) -> float:
+        """The radius of the stop: half of the entrance pupil times the height at the stop of a paraxial ray that enters at height 1."""
+        y, slope, before = 1.0, 0.0, 1.0
+        for surface, c, behind in zip(lens.surfaces, self.curvatures, self.indices[lens.reference_um], strict=True):
+            if surface.is_stop:
+                return y * lens.entrance_pupil_mm / 2 if self.holds_pupil else surface.semi_diameter_mm
+            slope = (before * slope - y * c * (behind - before)) / behind
+            y, before = y + slope * surface.thickness_mm, behind
+        raise ValueError("the lens has no stop")
 
     def trace(self, wavelength_um: float, o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Where rays ``[3, ray]`` cross the stop and reach the image, and which of them do."""
-        alive, before, at_stop = np.ones(o.shape[1], dtype=bool), 1.0, o[:2]
+        alive, before, at_stop, stop_mm = np.ones(o.shape[1], dtype=bool), 1.0, o[:2], self.stop_mm()
         for surface, c, behind in zip(lens.surfaces, self.curvatures, self.indices[wavelength_um], strict=True):
             t = -o[2] / d[2]
             for _ in range(6):
@@ -61,7 +101,7 @@ class Dense:
             p = o + t * d
             r2 = p[0] ** 2 + p[1] ** 2
             _, slope = _sag(r2, c, surface)
-            alive &= r2 <= surface.semi_diameter_mm**2
+            alive &= r2 <= (stop_mm if surface.is_stop else surface.semi_diameter_mm) ** 2
             at_stop = p[:2] if surface.is_stop else at_stop
             normal = np.stack([-slope * p[0], -slope * p[1], np.ones_like(slope)])
             normal /= np.linalg.norm(normal, axis=0)
@@ -178,8 +218,8 @@ def blurred(pictures: Any, psfs: Any) -> Any:
     return fft.irfft2(product, s=(side, side))[..., GRID // 2 : side - GRID // 2, GRID // 2 : side - GRID // 2]
 
 
-def end_to_end(psfs_of: Any, optimizer_of: Any) -> dict[str, Any]:
-    """CPU time of PSFs forward, of PSFs forward and backward, and of a whole step, ms: medians of several."""
+def end_to_end(psfs_of: Any, optimizer_of: Any, *, with_parts: bool) -> dict[str, float]:
+    """Time of a step, and with `with_parts` of PSFs, and of PSFs with their gradient, ms."""
     import torch
     from torch import nn
 
@@ -199,97 +239,168 @@ def end_to_end(psfs_of: Any, optimizer_of: Any) -> dict[str, Any]:
         psfs_of().square().sum().backward()
 
     found = {}
-    with torch.no_grad():
-        found["forward_ms"] = _cpu_ms(psfs_of)
-    found["both_ms"] = _cpu_ms(both_ways)
-    found["step_ms"] = _cpu_ms(step)
+    found["step_ms"], found["step_wall_ms"] = _times_ms(step, STEPS)
+    # Before the parts: they hold no more than a step does, and a process never gives its peak back.
+    found["peak_mb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    if with_parts:
+        with torch.no_grad():
+            found["forward_ms"], _ = _times_ms(psfs_of, PARTS)
+        found["both_ms"], _ = _times_ms(both_ways, PARTS)
     return found
 
 
-def _cpu_ms(work: Any) -> float:
-    work()
-    taken = []
-    for _ in range(STEPS):
-        begun = time.process_time()
+def _times_ms(work: Any, times: int) -> tuple[float, float]:
+    """The median of CPU time, of all threads together, and the shortest wall time, which other work on the machine disturbs least."""
+    for _ in range(WARM_UP):
         work()
-        taken.append(1000 * (time.process_time() - begun))
-    return float(np.median(taken))
+    cpu, wall = [], []
+    for _ in range(times):
+        at, now = time.process_time(), time.perf_counter()
+        work()
+        cpu.append(1000 * (time.process_time() - at))
+        wall.append(1000 * (time.perf_counter() - now))
+    return float(np.median(cpu)), float(np.min(wall))
 
 
 # %% Petzval.
-def petzval(cells: int) -> dict[str, Any]:
-    """PSFs, a gradient and times of Petzval with so many cells a side of the pupil."""
-    import torch
+class Petzval:
+    """PSFs, gradients and times of Petzval."""
 
-    import petzval.torch as pt
+    def __init__(self, setting: Setting) -> None:
+        self.how: dict[str, Any] = {
+            "fields_deg": [math.degrees(math.atan(t)) for t in FIELDS],
+            "wavelengths_um": WAVELENGTHS_UM,
+            "grid": GRID,
+            "pitch_um": PITCH_UM,
+            "pupil_cells": setting.number,
+        }
 
-    pz.set_threads(1)
-    how: dict[str, Any] = {
-        "fields_deg": [math.degrees(math.atan(t)) for t in FIELDS],
-        "wavelengths_um": WAVELENGTHS_UM,
-        "grid": GRID,
-        "pitch_um": PITCH_UM,
-        "pupil_cells": cells,
-    }
-    glass = pt.Lens(lens, lens.variables())
-    psfs = glass.psf(**how).values.detach().numpy()
+    def times(self, *, with_parts: bool) -> dict[str, float]:
+        """Times of a step for all free numbers of the lens, and of its parts."""
+        import torch
 
-    # The gradient by one curvature.
-    radius = lens.surfaces[SURFACE].radius_mm
-    one = pt.Lens(lens, lens.variables([pz.Variable(SURFACE, "radius_mm", radius - 2, radius + 2)], efl="free", focus="fixed"))
-    spot(one.psf(**how).values).backward()
-    x, h = one.x.detach().numpy(), 1e-6
-    up, down = (1 / one.space.lens_at(x + s).surfaces[SURFACE].radius_mm for s in (h, -h))
-    gradient = float(one.x.grad[0]) / ((up - down) / (2 * h))
+        import petzval.torch as pt
 
-    def optimizer_of(network: Any) -> Any:
-        return torch.optim.Adam([{"params": network.parameters(), "lr": 1e-3}, {"params": glass.parameters(), "lr": 1e-3}])
+        glass = pt.Lens(lens, lens.variables())
 
-    timed = end_to_end(lambda: glass.psf(**how).values, optimizer_of)
-    return {"psfs": [psfs], "gradients": [gradient], **timed}
+        def optimizer_of(network: Any) -> Any:
+            return torch.optim.Adam([{"params": network.parameters(), "lr": 1e-3}, {"params": glass.parameters(), "lr": 1e-3}])
+
+        return end_to_end(lambda: glass.psf(**self.how).values, optimizer_of, with_parts=with_parts)
+
+    def psfs(self) -> tuple[list[np.ndarray], dict[str, Any]]:
+        """PSFs."""
+        import petzval.torch as pt
+
+        return [pt.Lens(lens, lens.variables()).psf(**self.how).values.detach().numpy()], {}
+
+    def gradients(self) -> dict[str, list[float]]:
+        """Derivatives by one curvature, 1/mm: by PyTorch, and the same beside a central difference."""
+        import torch
+
+        import petzval.torch as pt
+
+        radius = lens.surfaces[SURFACE].radius_mm
+        one = pt.Lens(lens, lens.variables([pz.Variable(SURFACE, "radius_mm", radius - 2, radius + 2)], efl="free", focus="fixed"))
+        spot(one.psf(**self.how).values).backward()
+        x, h = one.x.detach().clone(), 1e-5
+        found, values, curvatures = float(one.x.grad[0]), [], []
+        for moved in (x + h, x - h):
+            with torch.no_grad():
+                one.x.copy_(moved)
+                values.append(float(spot(one.psf(**self.how).values)))
+            curvatures.append(1 / one.space.lens_at(moved.numpy()).surfaces[SURFACE].radius_mm)
+        by_curvature = (curvatures[0] - curvatures[1]) / (2 * h)
+        return {"by_torch": [found / by_curvature], "beside": [found], "by_differences": [(values[0] - values[1]) / (2 * h)]}
 
 
 # %% DeepLens.
-def deeplens(rays: int, double: bool = False) -> dict[str, Any]:
-    """The same of DeepLens with so many rays a PSF, several times over, as its rays are random."""
-    import torch
-    from deeplens import GeoLens
+class DeepLens:
+    """The same of DeepLens, several times over, as its rays are random."""
 
-    path = Path(tempfile.mkdtemp()) / "lens.json"
-    path.write_text(json.dumps(for_deeplens()))
-    dtype = torch.float64 if double else torch.float32
-    theirs = GeoLens(filename=str(path), device=torch.device("cpu"), dtype=dtype, primary_wvln=lens.reference_um)
-    path.unlink()
-    path.parent.rmdir()
-    depth = theirs.obj_depth
-    # Fields are shares of half of the sensor, by the focal length.
-    points = torch.tensor([[0.0, t * theirs.foclen / (theirs.sensor_size[1] / 2), depth] for t in FIELDS], dtype=dtype)
+    def __init__(self, setting: Setting) -> None:
+        import torch
+        from deeplens.geolens_pkg import psf_compute
 
-    def psfs() -> torch.Tensor:
-        found = [theirs.psf(points, wvln=colour, ks=GRID, spp=rays) for colour in WAVELENGTHS_UM]
-        return torch.stack(found, 1).flip(-2)  # y away from the axis
+        psf_compute.SPP_PSF = setting.chief_rays
+        self.setting = setting
+        self.theirs = self.load(torch.float64 if setting.float64 else torch.float32)
 
-    optimizer = theirs.get_optimizer(lrs=[1e-5, 1e-6, 0.0, 1e-9])
-    drawn, gradients = [], []
-    for seed in range(DRAWS):
-        torch.manual_seed(seed)
-        values = psfs()
+    def load(self, dtype: Any) -> Any:
+        """The lens."""
+        import torch
+        from deeplens import GeoLens
+
+        with tempfile.TemporaryDirectory() as folder:
+            (Path(folder) / "lens.json").write_text(json.dumps(for_deeplens()))
+            return GeoLens(
+                filename=f"{folder}/lens.json", device=torch.device("cpu"), dtype=dtype, primary_wvln=lens.reference_um, wvln_rgb=WAVELENGTHS_UM
+            )
+
+    def points(self, theirs: Any) -> Any:
+        """The fields, as shares of half of the sensor, by the focal length."""
+        import torch
+
+        half = theirs.sensor_size[1] / 2
+        return torch.tensor([[0.0, t * theirs.foclen / half, theirs.obj_depth] for t in FIELDS], dtype=theirs.dtype)
+
+    def times(self, *, with_parts: bool) -> dict[str, float]:
+        """Times of a step for curvatures, distances and aspheres, and of its parts."""
+        points = self.points(self.theirs)
+        optimizer = self.theirs.get_optimizer(lrs=[1e-5, 1e-6, 0.0, 1e-9])
+
+        def optimizer_of(network: Any) -> Any:
+            optimizer.add_param_group({"params": network.parameters(), "lr": 1e-3})
+            return optimizer
+
+        return end_to_end(lambda: self.theirs.psf_rgb(points, ks=GRID, spp=self.setting.number).flip(-2), optimizer_of, with_parts=with_parts)
+
+    def psfs(self) -> tuple[list[np.ndarray], dict[str, Any]]:
+        """PSFs, and the indices and the object distance that they have."""
+        import torch
+
+        drawn = []
+        for seed in range(DRAWS if self.setting.is_timed else 1):
+            torch.manual_seed(seed)
+            with torch.no_grad():
+                fields = [self.theirs.psf_rgb(point[None], ks=GRID, spp=self.setting.number) for point in self.points(self.theirs)]
+            drawn.append(torch.cat(fields).flip(-2).double().numpy())  # y away from the axis
+        indices = [[float(s.mat2.ior(colour)) for s in self.theirs.surfaces] for colour in WAVELENGTHS_UM]
+        return drawn, {"indices": indices, "distance_mm": -float(self.theirs.obj_depth)}
+
+    def gradients(self) -> dict[str, list[float]]:
+        """Derivatives by one curvature, 1/mm: by PyTorch, and in float64 beside central differences, for the same rays."""
+        import torch
+
+        by_torch = [self.gradient(self.theirs, seed) for seed in range(DRAWS)]
+        double, h = self.load(torch.float64), 1e-6
+        c = double.surfaces[SURFACE].c
+        beside, by_differences = [self.gradient(double, seed) for seed in range(DRAWS)], []
+        for seed in range(DRAWS):
+            values = []
+            for by in (h, -h):
+                with torch.no_grad():
+                    c.add_(by)
+                    values.append(sum(float(part) for part in self.parts(double, seed)))
+                    c.sub_(by)
+            by_differences.append((values[0] - values[1]) / (2 * h))
+        return {"by_torch": by_torch, "beside": beside, "by_differences": by_differences}
+
+    def gradient(self, theirs: Any, seed: int) -> float:
+        """The derivative by PyTorch for one draw of rays."""
+        theirs.get_optimizer()  # turns derivatives on
         theirs.surfaces[SURFACE].c.grad = None
-        spot(values.double()).backward()
-        drawn.append(values.detach().double().numpy())
-        gradients.append(float(theirs.surfaces[SURFACE].c.grad))
+        for part in self.parts(theirs, seed):
+            part.backward()
+        return float(theirs.surfaces[SURFACE].c.grad)
 
-    def optimizer_of(network: Any) -> Any:
-        optimizer.add_param_group({"params": network.parameters(), "lr": 1e-3})
-        return optimizer
+    def parts(self, theirs: Any, seed: int) -> Any:
+        """The loss field by field, which takes a quarter of the memory."""
+        import torch
 
-    return {
-        "psfs": drawn,
-        "gradients": gradients,
-        "distance_mm": -float(depth),
-        "indices": [[float(s.mat2.ior(colour)) for s in theirs.surfaces] for colour in (*WAVELENGTHS_UM, lens.reference_um)],
-        **end_to_end(psfs, optimizer_of),
-    }
+        torch.manual_seed(seed)
+        for point in self.points(theirs):
+            yield spot(theirs.psf_rgb(point[None], ks=GRID, spp=self.setting.number).double()) / len(FIELDS)
 
 
 def for_deeplens() -> dict[str, Any]:
@@ -310,79 +421,140 @@ def for_deeplens() -> dict[str, Any]:
 
 
 # %% One setting in a process of its own.
-def one(name: str, number: str, folder: str) -> None:
-    """Measures a setting, and writes what it found."""
+def one(number: str, threads: str, folder: str) -> None:
+    """Measures a setting, or with no threads its errors, and writes what it found."""
     import torch
 
-    torch.set_num_threads(1)
-    found = petzval(int(number)) if name == "petzval" else deeplens(int(number), double=name.endswith("64"))
-    np.save(Path(folder) / "psfs.npy", np.stack(found.pop("psfs")))
-    found["peak_mb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    setting = SETTINGS[int(number)]
+    torch.set_num_threads(max(int(threads), 1))
+    pz.set_threads(max(int(threads), 1))
+    program = Petzval(setting) if setting.program == "petzval" else DeepLens(setting)
+    found: dict[str, Any] = {}
+    if int(threads):
+        found = program.times(with_parts=int(threads) == 1)
+    else:
+        psfs, found = program.psfs()
+        np.save(Path(folder) / "psfs.npy", np.stack(psfs))
+        found |= program.gradients() if setting.is_timed else {}
     (Path(folder) / "found.json").write_text(json.dumps(found))
 
 
-def measured(name: str, number: int) -> dict[str, Any]:
-    """What a process found."""
-    with tempfile.TemporaryDirectory() as folder:
-        subprocess.run([sys.executable, __file__, name, str(number), folder], check=True, stdout=subprocess.DEVNULL)
-        found: dict[str, Any] = json.loads((Path(folder) / "found.json").read_text())
-        return {**found, "psfs": np.load(Path(folder) / "psfs.npy")}
+SETTINGS = [*PETZVAL, PETZVAL_DENSE, *DEEPLENS, DEEPLENS_DENSE]
 
 
-def reference(indices: dict[float, list[float]], distance_mm: float, order: int) -> tuple[np.ndarray, float, float]:
+def measured(setting: Setting) -> dict[str, Any]:
+    """What processes found: times by threads, then PSFs and gradients."""
+    all_found: dict[str, Any] = {"setting": setting}
+    print(setting.name, file=sys.stderr, flush=True)
+    for threads in (1, 2, 0) if setting.is_timed else (0,):
+        with tempfile.TemporaryDirectory() as folder:
+            words = [sys.executable, __file__, str(SETTINGS.index(setting)), str(threads), folder]
+            subprocess.run(words, check=True, stdout=subprocess.DEVNULL)
+            found: dict[str, Any] = json.loads((Path(folder) / "found.json").read_text())
+            if threads:
+                all_found[f"on_{threads}"] = found
+            else:
+                all_found |= {**found, "psfs": np.load(Path(folder) / "psfs.npy")}
+    return all_found
+
+
+# %% The tables.
+def reference(indices: dict[float, list[float]], distance_mm: float, order: int, *, holds_pupil: bool) -> tuple[np.ndarray, float, float]:
     """PSFs of the dense trace ``[order, field, wavelength, y, x]``, and its gradient by the curvature from central differences.
 
     Cells of the first order are those of the program that is judged; those of the second hold the light that falls on them. The second gradient
-    is that of PSFs whose grid stays where it is when the chief ray moves.
+    is that of PSFs whose grid stays where it is when the chief ray moves, as in DeepLens; it is no number where the pupil is held, as in Petzval.
     """
     curvatures = [1 / s.radius_mm for s in lens.surfaces]
-    start, h = Dense(indices, distance_mm, curvatures), 1e-6
+    start = Dense(indices, distance_mm, curvatures, holds_pupil=holds_pupil)
+    h = 1e-4  # 1/mm: steps of 1e-6 have an error of 1 %, as few rays pass the hard edge of the stop
 
     def gradient(centred_by: Dense | None) -> float:
         up, down = ([c + by * (i == SURFACE) for i, c in enumerate(curvatures)] for by in (h, -h))
-        values = [spot(Dense(indices, distance_mm, moved, centred_by).bank(order)) for moved in (up, down)]
+        values = [spot(Dense(indices, distance_mm, moved, centred_by, holds_pupil).bank(order)) for moved in (up, down)]
         return float(values[0] - values[1]) / (2 * h)
 
-    return start.bank(order, 0), gradient(None), gradient(start)
+    return start.bank(order, 0), gradient(None), math.nan if holds_pupil else gradient(start)
 
 
-def row(name: str, found: dict[str, Any], truth: np.ndarray, slope: float, held: float) -> None:
-    """A row of the table."""
-    # Sum of absolute differences of PSFs of unit sum, mean of all PSFs and draws.
-    error, cells = (np.abs(found["psfs"] - of).sum((-2, -1)).mean() for of in truth)
-    off, off_held = (np.array(found["gradients"]) / of - 1 for of in (slope, held))
-    scatter = f"+- {100 * off.std(ddof=1):.2f} %" if len(off) > 1 else ""
-    print(
-        f"{name:<32}{100 * error:>8.2f} %{100 * cells:>8.1f} %{100 * off.mean():>10.2f} %{100 * off_held.mean():>8.2f} %{scatter:>11}"
-        f"{found['forward_ms']:>11.1f}{found['both_ms']:>10.1f}{found['step_ms']:>10.1f}{found['peak_mb']:>9.0f}"
-    )
+def apart(psfs: np.ndarray, truth: np.ndarray) -> float:
+    """PSF error: the sum of absolute differences of PSFs of unit sum, mean of all PSFs and draws."""
+    return float(np.abs(psfs - truth).sum((-2, -1)).mean())
 
 
-def main() -> None:
-    """All settings, as a table."""
-    ours = indices_of(lens)
-    truth, *slopes = reference(ours, math.inf, order=2)
-    coarse = Dense(ours, math.inf, [1 / s.radius_mm for s in lens.surfaces]).bank(2, side=DENSE // 2)
-    apart = np.abs(coarse - truth[:1]).sum((-2, -1)).mean()
-    print(f"dense trace: {DENSE} x {DENSE} rays; a quarter of them differs by {100 * apart:.3f} %")
-    print(f"{'':<32}{'PSF error':>10}{'pixels':>10}{'gradient':>12}{'held':>10}{'scatter':>11}{'PSFs, ms':>11}{'and back':>10}{'step, ms':>10}{'MB':>9}")
-    for cells in PETZVAL_CELLS:
-        row(f"Petzval, {cells} x {cells} pupil cells", measured("petzval", cells), truth, *slopes)
-    if find_spec("deeplens") is None:
+def percent(shares: Any, decimals: int = 2) -> str:
+    """The mean in percent, with the standard deviation of one draw."""
+    shares = 100 * np.atleast_1d(shares)
+    return f"{shares.mean():.{decimals}f}" + (f" +- {shares.std(ddof=1):.{decimals}f}" if len(shares) > 1 else "")
+
+
+def off(found: dict[str, Any]) -> np.ndarray:
+    """How far the gradient by PyTorch is from central differences of the same program, as a share."""
+    shares: np.ndarray = np.array(found["beside"]) / np.array(found["by_differences"]) - 1
+    return shares
+
+
+def show(rows: list[dict[str, Any]], own: np.ndarray, truth: np.ndarray, slope: float, held: float) -> None:
+    """Rows of errors of one program, against its own dense PSFs and against those of the dense trace."""
+    for found in rows:
+        line = f"{found['setting'].name:<38}" + "".join(f"{100 * apart(found['psfs'], of):>9.2f}" for of in (own, *truth))
+        if found["setting"].is_timed:
+            by_torch = np.array(found["by_torch"])
+            line += f"{percent(by_torch / slope - 1):>18}{'' if math.isnan(held) else percent(by_torch / held - 1):>18}"
+            worst = np.abs(off(found)).max()
+            line += f"{percent(off(found)):>18}" if worst > 1e-4 else f"{f'{100 * worst:.0e}':>18}"
+        print(line)
+
+
+def main() -> str | None:
+    """All settings as tables, errors in percent and times in ms. The answer is what is wrong, or none."""
+    # Processes are measured before this one takes memory: the peak of a new process begins at that of the one which starts it.
+    alone = "import resource, torch; print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)"
+    torch_mb = float(subprocess.run([sys.executable, "-c", alone], check=True, capture_output=True, text=True).stdout)
+    ours = [measured(setting) for setting in (*PETZVAL, PETZVAL_DENSE)]
+    theirs = [measured(setting) for setting in (*DEEPLENS, DEEPLENS_DENSE)] if find_spec("deeplens") else []
+
+    print(f"{'':<38}{'PSFs':>9}{'and back':>9}{'step':>10}{'wall':>9}{'2 threads':>11}{'MB':>7}")
+    for found in (*ours[:-1], *theirs[:-1]):
+        single, pair = found["on_1"], found["on_2"]
+        line = f"{found['setting'].name:<38}{single['forward_ms']:>9.1f}{single['both_ms']:>9.1f}{single['step_ms']:>10.1f}"
+        print(f"{line}{single['step_wall_ms']:>9.1f}{pair['step_wall_ms']:>11.1f}{single['peak_mb']:>7.0f}")
+    print(f"PSFs, and back, step: median CPU time of PSFs, of PSFs with their gradient, of {STEPS} steps, on one thread")
+    print("wall, 2 threads: the shortest step by the clock on one thread, and on two, whose CPU time says little: a thread that waits is busy")
+    print(f"MB: peak memory of a process with one thread; {torch_mb:.0f} MB of it are an import of PyTorch")
+
+    indices = indices_of(lens)
+    truth, *slopes = reference(indices, math.inf, order=2, holds_pupil=True)
+    coarse = Dense(indices, math.inf, [1 / s.radius_mm for s in lens.surfaces]).bank(2, side=DENSE // 2)
+    print(f"dense trace: {DENSE} x {DENSE} rays; PSFs of a quarter of them differ by {100 * apart(coarse, truth[:1]):.3f} %")
+    print(f"{'':<38}{'own':>9}{'trace':>9}{'pixels':>9}{'gradient':>18}{'held':>18}{'own':>18}")
+    show(ours, ours[-1]["psfs"], truth, *slopes)
+    shown = next(found for found in ours if found["setting"] is PETZVAL_SHOWN)
+    error, gradient = apart(shown["psfs"], truth[0]), float(np.abs(off(shown)).max())
+    wrong = [f"the PSF error of Petzval is {100 * error:.2f} %"] if error > WORST_PSF else []
+    wrong += [f"a gradient of Petzval is off by {gradient:.1e}"] if gradient > WORST_GRADIENT else []
+    if theirs:
+        own = dict(zip(WAVELENGTHS_UM, theirs[0]["indices"], strict=True))
+        their_truth, *their_slopes = reference(own, theirs[0]["distance_mm"], order=1, holds_pupil=False)
+        show(theirs, theirs[-1]["psfs"], their_truth, *their_slopes)
+        differ = max(abs(a - b) for w in own for a, b in zip(indices[w], own[w], strict=True))
+        wrong += [f"indices of the two programs differ by {differ:.1e}"] if differ > WORST_INDEX else []
+        print(f"indices of the two programs differ by {differ:.1e} at most")
+    else:
         print("DeepLens is not installed, and its rows are left out: pip install deeplens-core, in Python 3.12")
-        return
-    theirs: tuple[np.ndarray, float, float] | None = None
-    for name, rays in [*(("deeplens", rays) for rays in DEEPLENS_RAYS), ("deeplens-64", 8192)]:
-        found = measured(name, rays)
-        if theirs is None:
-            indices = dict(zip((*WAVELENGTHS_UM, lens.reference_um), found["indices"], strict=True))
-            theirs = reference(indices, found["distance_mm"], order=1)
-            apart = max(abs(a - b) for w in ours for a, b in zip(ours[w], indices[w], strict=True))
-        row(f"DeepLens, {rays} rays{', float64' if name.endswith('64') else ''}", found, *theirs)
-    print(f"indices of the two programs differ by {apart:.1e} at most")
-    print("PSF error: against cells that share a ray as those of the program do; pixels: against the light that falls on each cell")
-    print("gradient: against that of the dense trace; held: against one in which the grid of a PSF does not follow the chief ray")
+    print("PSF errors: own, against the same program at a million rays; trace, against the dense trace with cells that share a ray as those of the")
+    print("program do; pixels, against the light that falls on each cell. Gradients: against those of the dense trace, of one in which the grid of a")
+    print("PSF does not follow the chief ray (held), and central differences of the same program in float64 (own)")
+    cells = PETZVAL_SHOWN.number
+    words = [f"Petzval {pz.__version__}, {cells} x {cells} cells: {shown['on_1']['step_ms']:.0f} ms a step, PSF error {100 * error:.2f} %"]
+    if theirs:
+        shown = next(found for found in theirs if found["setting"] is DEEPLENS_SHOWN)
+        error = apart(shown["psfs"], their_truth[0])
+        words.append(f"DeepLens {version('deeplens-core')}, {DEEPLENS_SHOWN.number} rays: {shown['on_1']['step_ms']:.0f} ms, {100 * error:.2f} %")
+    words.append(f"PyTorch {version('torch')}, NumPy {np.__version__}, Python {sys.version.split()[0]}")
+    print("; ".join(words))
+    return "; ".join(wrong) or None
 
 
 if __name__ == "__main__":
-    one(*sys.argv[1:]) if len(sys.argv) == 4 else main()
+    one(*sys.argv[1:]) if len(sys.argv) == 4 else sys.exit(main())
