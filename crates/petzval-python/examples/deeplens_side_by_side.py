@@ -1,5 +1,5 @@
 """The same end-to-end step in DeepLens and in Petzval: time, memory, and errors of PSFs and of a gradient. Needs PyTorch, and for the rows of
-DeepLens deeplens-core, which needs Python 3.12. It takes about ten minutes of CPU time.
+DeepLens deeplens-core, which needs Python 3.12. It takes about twenty minutes of CPU time.
 
 Both programs have the Cooke triplet, four fields, three wavelengths, and PSFs of 64 x 64 cells of 3.45 um. What follows the PSFs is the
 same code: pictures are blurred by FFT, a small network restores them, and lens and network take a step of Adam. Each setting is timed in a process
