@@ -8,7 +8,7 @@ import math
 import os
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -72,7 +72,7 @@ class Spots:
     centroid_um: Array
     chief_mm: Array
     airy_um: float
-    points_um: list[list[Array]]
+    points_um: list[list[Array]] = field(repr=False)
 
 
 @dataclass(frozen=True)
