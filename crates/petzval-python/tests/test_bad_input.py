@@ -203,3 +203,22 @@ def test_what_is_printed_fits_a_screen(triplet: pz.Lens) -> None:
     sensor = pz.Sensor.load("imx249-fitted")
     assert repr(pz.Camera(triplet, sensor)) == f"<Camera lens={triplet.name!r}, sensor={sensor.name!r}>"
     assert repr(pz.Camera()) == "<Camera of the defaults>"
+
+
+def test_wrong_limits_of_a_design_space(triplet: pz.Lens) -> None:
+    limits: list[tuple[dict[str, Any], str]] = [
+        ({"air_gap_mm": NAN}, "air_gap_mm nan: is not finite"),
+        ({"track_mm": INF}, "track_mm inf: is not finite"),
+        ({"back_focal_mm": (1.0, NAN)}, "back_focal_mm"),
+        ({"back_focal_mm": (1.0,)}, "back_focal_mm"),
+        ({"held_share": "x"}, "held_share 'x': is of the type str"),
+        ({"defocus_mm": -1.0}, "defocus_mm -1.0: is negative"),
+        ({"defocus_mm": NAN}, "defocus_mm nan: is not finite"),
+        ({"efl": 99}, "efl 99: there is no such surface"),
+        ({"efl": -1}, "efl -1: there is no such surface"),
+    ]
+    for limit, message in limits:
+        with pytest.raises(pz.InputError, match=message):
+            triplet.variables(**limit)
+    last = max(i for i, surface in enumerate(triplet.surfaces) if np.isfinite(surface.radius_mm))
+    assert len(triplet.variables(efl=last, back_focal_mm=(1.0, 60.0)))
