@@ -144,3 +144,13 @@ def test_the_hint_of_a_changed_file_is_python(run_folder: Path, tmp_path: Path) 
     with pytest.raises(pz.InputError) as refused:
         pz.Run(copy).lens("nominal")
     assert '`accept_changed=["cameras/nominal/lens.toml"]`' in refused.value.hint
+
+
+def test_a_notebook_shows_a_run_with_an_edited_lens(run_folder: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "run"
+    shutil.copytree(run_folder, copy)
+    last = pz.Run(copy).cameras[-1]
+    lens = copy / "cameras" / last / "lens.toml"
+    lens.write_text(lens.read_text() + "\n")
+    shown = pz.Run(copy)._repr_html_()
+    assert "seed 1" in shown and f"cameras/{last}/lens.toml is not as the run wrote it" in shown

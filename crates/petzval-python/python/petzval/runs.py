@@ -298,7 +298,10 @@ class Run:
         title = f"<p>{html.escape(repr(self))}</p>"
         if not self.cameras:
             return title
-        last = self.lens(self.cameras[-1])._repr_html_()
+        try:
+            last = self.lens(self.cameras[-1])._repr_html_()
+        except InputError as error:
+            return f"{title}<p>{html.escape(str(error))}</p>"
         try:
             scores = [score["name"] for score in self.metrics["scores"]]
         except InputError:
