@@ -155,3 +155,70 @@ def test_ten_thousand_calls_need_no_more_memory(triplet: pz.Lens) -> None:
         with pytest.raises(pz.InputError):
             space.penalty([])
     assert resident_kb() - before < 20_000
+
+
+def test_errors_are_in_the_words_of_python(triplet: pz.Lens, tmp_path: Path) -> None:
+    """Hints stand once, and name arguments and not keys of JSON."""
+    bank = pz.PsfBank.of(np.ones((1, 1, 16, 16)), pitch_um=1.0, field_radius_mm=[0.0])
+    bank.save(tmp_path / "bank")
+    np.save(tmp_path / "bank" / "psf.npy", np.ones((1, 1, 16, 16)))
+    with pytest.raises(pz.InputError) as damaged:
+        pz.PsfBank.load(tmp_path / "bank")
+    assert str(damaged.value).count(damaged.value.hint) == 1
+    camera = pz.Camera(triplet, "imx249-fitted", size=(16, 16))
+    frames = camera.take(np.full((16, 16, 3), 0.5))
+    frames.save(tmp_path / "shot")
+    with pytest.raises(pz.InputError, match="overwrite=True"):
+        frames.save(tmp_path / "shot")
+    with pytest.raises(pz.InputError, match="^request: it holds a number that is not finite"):
+        pz.jobs.run("lens-show", {"lens": NAN})
+
+
+def test_wrong_arguments_of_cameras_threads_and_banks(triplet: pz.Lens) -> None:
+    camera = pz.Camera(triplet, "imx249-fitted", size=(16, 16))
+    for seed in (-1, 2**64, 1.5, True):
+        with pytest.raises(pz.InputError, match="is no seed"):
+            camera.take(np.full((16, 16, 3), 0.5), seed=seed)
+    with pytest.raises(pz.InputError, match="exposure_e nan: is not finite"):
+        pz.Camera(triplet, exposure_e=NAN)
+    before = pz.threads()
+    with pytest.raises(pz.InputError, match="threads 1025: is too large"):
+        pz.set_threads(1025)
+    with pytest.raises(pz.InputError, match="threads 1000000000: is too large"):
+        pz.jobs.run("lens-show", {"lens": "cooke-triplet-nominal"}, threads=10**9)
+    assert pz.threads() == before
+    with pytest.raises(pz.InputError, match="is no UTF-8"):
+        pz.Lens.load("\udc80.zmx")
+    with pytest.raises(pz.InputError, match="kind 'x': there is no such kind"):
+        pz.PsfBank.of(np.ones((1, 1, 16, 16)), pitch_um=1.0, field_radius_mm=[0.0], kind="x")  # type: ignore[arg-type]
+    with pytest.raises(pz.InputError, match="source 5: is of the type int"):
+        pz.PsfBank.of(np.ones((1, 1, 16, 16)), pitch_um=1.0, field_radius_mm=[0.0], source=5)  # type: ignore[arg-type]
+    bank = pz.PsfBank.of(np.ones((1, 1, 16, 16)), pitch_um=1.0, field_radius_mm=[0.0])
+    with pytest.raises(pz.InputError, match="complex numbers"):
+        pz.render(np.full((16, 16), 0.5 + 0.5j), bank, pixel_um=4.0)
+
+
+def test_what_is_printed_fits_a_screen(triplet: pz.Lens) -> None:
+    assert len(repr(triplet.spots())) < 2000
+    sensor = pz.Sensor.load("imx249-fitted")
+    assert repr(pz.Camera(triplet, sensor)) == f"<Camera lens={triplet.name!r}, sensor={sensor.name!r}>"
+    assert repr(pz.Camera()) == "<Camera of the defaults>"
+
+
+def test_wrong_limits_of_a_design_space(triplet: pz.Lens) -> None:
+    limits: list[tuple[dict[str, Any], str]] = [
+        ({"air_gap_mm": NAN}, "air_gap_mm nan: is not finite"),
+        ({"track_mm": INF}, "track_mm inf: is not finite"),
+        ({"back_focal_mm": (1.0, NAN)}, "back_focal_mm"),
+        ({"back_focal_mm": (1.0,)}, "back_focal_mm"),
+        ({"held_share": "x"}, "held_share 'x': is of the type str"),
+        ({"defocus_mm": -1.0}, "defocus_mm -1.0: is negative"),
+        ({"defocus_mm": NAN}, "defocus_mm nan: is not finite"),
+        ({"efl": 99}, "efl 99: there is no such surface"),
+        ({"efl": -1}, "efl -1: there is no such surface"),
+    ]
+    for limit, message in limits:
+        with pytest.raises(pz.InputError, match=message):
+            triplet.variables(**limit)
+    last = max(i for i, surface in enumerate(triplet.surfaces) if np.isfinite(surface.radius_mm))
+    assert len(triplet.variables(efl=last, back_focal_mm=(1.0, 60.0)))

@@ -124,3 +124,33 @@ def test_edited_figures_are_refused(run_folder: Path, tmp_path: Path) -> None:
         _ = pz.Run(copy).metrics
     with pytest.warns(pz.PetzvalWarning, match="metrics.json"):
         assert pz.Run(copy, accept_changed=["metrics.json"]).metrics["rows"]
+
+
+def test_files_that_may_differ_are_in_the_run(run_folder: Path) -> None:
+    one = "cameras/nominal/lens.toml"
+    assert pz.Run(run_folder, accept_changed=one).accept_changed == (one,)
+    for wrong in ("lens.toml", [one, "cameras/nominal/lens.tom"]):
+        with pytest.raises(pz.InputError, match="the run has no such file"):
+            pz.Run(run_folder, accept_changed=wrong)
+        with pytest.raises(pz.InputError, match="the run has no such file"):
+            pz.Run(run_folder).camera("nominal", accept_changed=wrong)
+
+
+def test_the_hint_of_a_changed_file_is_python(run_folder: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "run"
+    shutil.copytree(run_folder, copy)
+    lens = copy / "cameras" / "nominal" / "lens.toml"
+    lens.write_text(lens.read_text() + "\n")
+    with pytest.raises(pz.InputError) as refused:
+        pz.Run(copy).lens("nominal")
+    assert '`accept_changed=["cameras/nominal/lens.toml"]`' in refused.value.hint
+
+
+def test_a_notebook_shows_a_run_with_an_edited_lens(run_folder: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "run"
+    shutil.copytree(run_folder, copy)
+    last = pz.Run(copy).cameras[-1]
+    lens = copy / "cameras" / last / "lens.toml"
+    lens.write_text(lens.read_text() + "\n")
+    shown = pz.Run(copy)._repr_html_()
+    assert "seed 1" in shown and f"cameras/{last}/lens.toml is not as the run wrote it" in shown

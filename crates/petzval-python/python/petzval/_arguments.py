@@ -24,6 +24,10 @@ def path_of(name: str, value: Any) -> str:
     if isinstance(value, str | os.PathLike):
         path = os.fspath(value)
         if isinstance(path, str):
+            try:
+                path.encode()
+            except UnicodeEncodeError as error:
+                raise setting(name, repr(path), "is no UTF-8", "give the file or folder another name") from error
             return path
     raise _wrong_type(name, value, "a path, or the name of something built in, as text or pathlib.Path")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -52,7 +53,8 @@ class InputError(PetzvalError, ValueError):
 def setting(key: str, value: str, message: str, hint: str) -> InputError:
     """The error of an argument that cannot be used."""
     place = Place(key=key, value=value)
-    return InputError(f"{key} {value}: {message}", message=message, place=place, hint=hint, kind="setting")
+    named = f"{key} {value}" if value else key
+    return InputError(f"{named}: {message}", message=message, place=place, hint=hint, kind="setting")
 
 
 class Stopped(PetzvalError):
@@ -84,13 +86,23 @@ class _Report:
     stopped: dict[str, Any] | None = None
 
 
+def _in_python(text: str) -> str:
+    """A text with keys of requests as arguments of Python."""
+    text = text.replace('"overwrite": true', "overwrite=True")
+    return re.sub(r"`accept_changed ([^`]*)`", r'`accept_changed=["\1"]`', text)
+
+
 def of_report(report: str, text: str, is_input: bool) -> PetzvalError:
     """The exception of an error that the binary part reports as JSON. `text` is the whole error on one line."""
     found = _Report(**json.loads(report)) if report else _Report("failed", text)
+    hint = _in_python(found.hint)
+    if hint:
+        # The text of some errors ends with their hint, which has a line of its own here.
+        text = text.replace(f" (hint: {found.hint})", "")
     place = dict(found.place)
     if "path" in place:
         place["path"] = Path(place["path"])
-    known: dict[str, Any] = {"message": found.message, "place": Place(**place), "hint": found.hint, "kind": found.kind}
+    known: dict[str, Any] = {"message": found.message, "place": Place(**place), "hint": hint, "kind": found.kind}
     if found.stopped is not None:
         return Stopped(text, stopped=found.stopped, **known)
     error = (InputError if is_input else PetzvalError)(text, **known)

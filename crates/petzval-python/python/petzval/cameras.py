@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _petzval, jobs
-from ._arguments import path_of, real
+from ._arguments import finite, path_of, real
 from ._errors import setting
 from ._petzval import Cancel
 from ._pictures import Given, Picture, figure, given
 from ._watch import Progress, watch
 from .lens import Lens
 from .psfs import PsfBank
-from .sensors import SensorLike, sensor_input
+from .sensors import Sensor, SensorLike, sensor_input
 
 __all__ = ["Camera", "Frames"]
 
@@ -165,13 +165,15 @@ class Camera:
                 raise setting(key, str(request[key]), "is no property of a camera", hint)
         if isinstance(psfs, PsfBank):
             raise setting("psfs", repr(psfs), "is in memory", "write it by its `save`, and give the folder")
+        # Of what is in memory the request holds the text.
+        self._names = {key: value.name for key, value in (("lens", lens), ("sensor", sensor)) if isinstance(value, Lens | Sensor)}
         self._glasses = lens._core.glasses() if isinstance(lens, Lens) else []
         self._request = request | _known(
             lens={"toml": lens.to_toml()} if isinstance(lens, Lens) else lens,
             sensor=None if sensor is None else sensor_input(sensor),
-            white_e=exposure_e,
-            time_s=time_s,
-            gain=gain,
+            white_e=finite("exposure_e", exposure_e),
+            time_s=finite("time_s", time_s),
+            gain=finite("gain", gain),
             isp=isp,
             restore=_restore(restore),
             place=place,
@@ -236,6 +238,8 @@ class Camera:
             progress: ``True`` for a bar, or a function that takes every event.
             cancel: A flag that another thread may set.
         """
+        if seed is not None and (isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= seed < 2**64):
+            raise setting("seed", repr(seed), "is no seed", "a whole number, 0 to 2^64 - 1")
         several = len(pictures) > 1
         all_given = [given(one, f"pictures[{i}]" if several else "picture") for i, one in enumerate(pictures)]
         arrays = sum(not isinstance(one, str) for one in all_given)
@@ -251,11 +255,8 @@ class Camera:
         return [Frames(frame) for frame in frames]
 
     def __repr__(self) -> str:
-        about = {key: value for key, value in self._request.items() if value is not False}
-        for key in ("lens", "sensor"):
-            if isinstance(about.get(key), Mapping):
-                about[key] = "..."
-        return f"<Camera {', '.join(f'{key}={value!r}' for key, value in about.items())}>"
+        about = {key: value for key, value in self._request.items() if value is not False} | self._names
+        return f"<Camera {', '.join(f'{key}={value!r}' for key, value in about.items()) or 'of the defaults'}>"
 
 
 def _restore(restore: bool | float) -> dict[str, float] | None:

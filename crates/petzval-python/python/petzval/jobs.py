@@ -14,9 +14,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from . import _petzval
-from ._arguments import count, paths_of
+from ._arguments import paths_of
 from ._errors import setting
 from ._petzval import Cancel
+from ._threads import threads_of
 from ._watch import Event, Progress, watch
 
 __all__ = ["Cancel", "Event", "names", "run", "schema"]
@@ -77,7 +78,7 @@ def run(
         "request": dict(request or {}),
         "glasses": paths_of("glasses", glasses),
         "overwrite": overwrite,
-        "threads": count("threads", threads),
+        "threads": threads_of(threads),
     }
     with watch(progress, cancel) as watching:
         response: dict[str, Any] = json.loads(_petzval.call(_json(call), watching))
@@ -88,7 +89,9 @@ def _json(value: Any) -> str:
     try:
         return json.dumps(value, default=_plain, allow_nan=False)
     except (TypeError, ValueError) as error:
-        raise setting("request", "", str(error), "finite numbers, texts, lists, mappings, paths and arrays") from error
+        # The words of the library for NaN and infinity are about JSON.
+        why = "it holds a number that is not finite" if "JSON compliant" in str(error) else str(error)
+        raise setting("request", "", why, "finite numbers, texts, lists, mappings, paths and arrays") from error
 
 
 def _plain(value: Any) -> Any:

@@ -8,7 +8,7 @@ import math
 import os
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval, jobs
-from ._arguments import count, made_by, path_of, paths_of, real, reals
+from ._arguments import count, finite, made_by, path_of, paths_of, real, reals, shaped
 from ._errors import InputError, Place, setting
 from ._petzval import Cancel
 from ._watch import Progress, watch
@@ -72,7 +72,7 @@ class Spots:
     centroid_um: Array
     chief_mm: Array
     airy_um: float
-    points_um: list[list[Array]]
+    points_um: list[list[Array]] = field(repr=False)
 
 
 @dataclass(frozen=True)
@@ -431,20 +431,25 @@ class Lens:
         """
         if isinstance(efl, bool) or not (isinstance(efl, int) or efl in ("held", "free")):
             raise setting("efl", repr(efl), "holds no focal length", '"held", "free" or the number of a surface')
+        if isinstance(efl, int) and not 0 <= efl < len(self.surfaces):
+            raise setting("efl", str(efl), "there is no such surface", f"surfaces are numbered from 0 to {len(self.surfaces) - 1}")
+        defocus_range = self._usual_defocus_mm() if defocus_mm is None else finite("defocus_mm", defocus_mm)
+        if defocus_range is not None and defocus_range < 0.0:
+            raise setting("defocus_mm", str(defocus_mm), "is negative", "the greatest defocus to both sides, in mm")
         plan: dict[str, Any] = {
             "variables": None if variables is None else [_variable(place, v) for place, v in enumerate(variables)],
             "efl_surface": efl if isinstance(efl, int) else None,
             "is_efl_free": efl == "free",
             "focus": focus,
-            "defocus_mm": self._usual_defocus_mm() if defocus_mm is None else real("defocus_mm", defocus_mm, "a length in mm"),
-            "element_edge_mm": element_edge_mm,
-            "element_centre_mm": element_centre_mm,
-            "air_gap_mm": air_gap_mm,
-            "back_focal_mm": back_focal_mm,
-            "track_mm": track_mm,
-            "distortion": distortion,
-            "held_field_deg": held_field_deg,
-            "held_share": held_share,
+            "defocus_mm": defocus_range,
+            "element_edge_mm": finite("element_edge_mm", element_edge_mm),
+            "element_centre_mm": finite("element_centre_mm", element_centre_mm),
+            "air_gap_mm": finite("air_gap_mm", air_gap_mm),
+            "back_focal_mm": shaped("back_focal_mm", back_focal_mm, (2,)),
+            "track_mm": finite("track_mm", track_mm),
+            "distortion": finite("distortion", distortion),
+            "held_field_deg": finite("held_field_deg", held_field_deg),
+            "held_share": finite("held_share", held_share),
         }
         return DesignSpace(_petzval.DesignSpace(self._core, json.dumps(plan)))
 

@@ -152,6 +152,10 @@ class PsfBank:
         """
         psfs = reals("values", values, "field", "wavelength", "y", "x")
         radius = reals("field_radius_mm", field_radius_mm, "field")
+        if kind not in get_args(Kind):
+            raise setting("kind", repr(kind), "there is no such kind", ", ".join(get_args(Kind)))
+        if not isinstance(source, str):
+            raise setting("source", repr(source), f"is of the type {type(source).__name__}", "a text")
         for number, channel in enumerate(channels or ()):
             if channel not in get_args(Channel):
                 raise setting(f"channels[{number}]", repr(channel), "is no colour of a camera", ", ".join(get_args(Channel)))

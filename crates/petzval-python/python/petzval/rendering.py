@@ -329,7 +329,12 @@ def _picture(name: str, picture: ArrayLike) -> tuple[Picture, bool]:
     """A picture ``[y, x, colour]``, and whether it was given without colours."""
     check_unmasked(name, picture)
     try:
+        # A conversion alone would drop imaginary parts.
+        if np.iscomplexobj(picture):
+            raise setting(name, "of complex numbers", "is no picture", "an array [y, x] or [y, x, colour] of light")
         pixels: Picture = np.asarray(picture, dtype=np.float32)
+    except InputError:
+        raise
     except (TypeError, ValueError) as error:
         raise setting(name, type(picture).__name__, "is no picture", "an array [y, x] or [y, x, colour] of light; petzval.read_picture reads files") from error
     if pixels.ndim not in (2, 3):

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval, jobs
-from ._arguments import check_unmasked, path_of
+from ._arguments import check_unmasked, path_of, paths_of
 from ._errors import InputError, setting
 from ._petzval import Cancel
 from ._pictures import Picture, figure, given, read_picture
@@ -137,17 +137,18 @@ class Run:
 
     Args:
         folder: The folder.
-        accept_changed: Files or folders of the run, by their path below it, that may differ from their digests. Everything else that was changed
-            is refused where it is read.
+        accept_changed: Files or folders of the run, by their path below it, that may differ from their digests: a list, or one path. Everything
+            else that was changed is refused where it is read.
 
     Raises:
         InputError: It is not the folder of a run.
     """
 
-    def __init__(self, folder: str | os.PathLike[str], *, accept_changed: Sequence[str] = ()) -> None:
+    def __init__(self, folder: str | os.PathLike[str], *, accept_changed: str | Sequence[str] = ()) -> None:
         self.path = Path(path_of("folder", folder))
-        self.accept_changed = tuple(accept_changed)
+        self.accept_changed = tuple(paths_of("accept_changed", accept_changed))
         self._core = _petzval.Run(str(self.path), list(self.accept_changed))
+        _check_in(self.path, self.accept_changed)
 
     @cached_property
     def facts(self) -> dict[str, Any]:
@@ -219,7 +220,7 @@ class Run:
         return {name: self.lens(name) for name in self.cameras}
 
     def camera(
-        self, name: str, *, device: str | None = None, accept_changed: Sequence[str] | None = None, progress: Progress = False
+        self, name: str, *, device: str | None = None, accept_changed: str | Sequence[str] | None = None, progress: Progress = False
     ) -> RunCamera:
         """A finished camera, which takes pictures and develops raw frames.
 
@@ -234,7 +235,8 @@ class Run:
         """
         self._check(name)
         with watch(progress) as watching:
-            accepted = self.accept_changed if accept_changed is None else accept_changed
+            accepted = self.accept_changed if accept_changed is None else tuple(paths_of("accept_changed", accept_changed))
+            _check_in(self.path, accepted)
             core = _petzval.Cameras(os.fspath(self.path), [name], device, list(accepted), watching)
         return RunCamera(core, self, name)
 
@@ -296,7 +298,10 @@ class Run:
         title = f"<p>{html.escape(repr(self))}</p>"
         if not self.cameras:
             return title
-        last = self.lens(self.cameras[-1])._repr_html_()
+        try:
+            last = self.lens(self.cameras[-1])._repr_html_()
+        except InputError as error:
+            return f"{title}<p>{html.escape(str(error))}</p>"
         try:
             scores = [score["name"] for score in self.metrics["scores"]]
         except InputError:
@@ -305,6 +310,13 @@ class Run:
         head = "".join(f"<th>{html.escape(name)}</th>" for name in columns)
         body = "".join(f"<tr>{''.join(f'<td>{_cell(row.get(name))}</td>' for name in columns)}</tr>" for row in self.rows)
         return f"{title}<table><tr>{head}</tr>{body}</table>{last}"
+
+
+def _check_in(run: Path, accepted: Sequence[str]) -> None:
+    """Fails if a file or folder that may differ is not in the run: a wrong name would accept nothing, in silence."""
+    for name in accepted:
+        if not os.path.lexists(run / name):
+            raise setting("accept_changed", repr(name), "the run has no such file", "a path below the run, such as cameras/NAME/lens.toml")
 
 
 def _cell(value: Any) -> str:

@@ -245,7 +245,8 @@ class Sensor:
         try:
             text = json.dumps(values, allow_nan=False, default=_plain)
         except (TypeError, ValueError) as error:
-            raise InputError(f"values: {error}", place=Place(key="values"), hint="give finite numbers, texts, lists or tables") from error
+            why = "one is not finite" if "JSON compliant" in str(error) else str(error)
+            raise InputError(f"values: {why}", place=Place(key="values"), hint="give finite numbers, texts, lists or tables") from error
         with watch() as watching:
             return Sensor(self._core.changed(text, watching))
 

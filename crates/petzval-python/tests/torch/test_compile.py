@@ -75,3 +75,23 @@ def test_wrong_arguments_are_errors_of_the_compiled_step_too(glass: pt.Lens) -> 
     with warnings.catch_warnings(), pytest.raises(Exception, match="16 to 1024"):
         warnings.simplefilter("ignore")
         compiled()
+
+
+@pytest.mark.parametrize("of", ["jvp", "jacfwd"])
+def test_forward_derivatives_are_refused_within_a_graph_and_never_zero(glass: pt.Lens, of: str) -> None:
+    x = glass.x.detach()
+
+    def light(x: torch.Tensor) -> torch.Tensor:
+        options = {"fields_deg": [0.0, 8.0], "wavelengths_um": [0.55], "grid": 16, "pitch_um": 4.0}
+        return torch.func.functional_call(glass, {"x": x}, kwargs=options).chief_mm
+
+    def forward(x: torch.Tensor) -> torch.Tensor:
+        return torch.func.jvp(light, (x,), (torch.ones_like(x),))[1] if of == "jvp" else torch.func.jacfwd(light)(x)
+
+    assert forward(x).abs().max() > 1e-6
+    torch.compiler.reset()
+    with pytest.raises(Exception, match="torch.compile has no forward derivatives"):
+        torch.compile(forward, fullgraph=True, backend="eager")(x)
+    torch.compiler.reset()
+    with pytest.raises(NotImplementedError, match="torch.compile has no forward derivatives"):
+        torch.func.jvp(torch.compile(light, backend="eager"), (x,), (torch.ones_like(x),))

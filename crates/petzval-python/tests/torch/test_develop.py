@@ -212,3 +212,9 @@ def test_wrong_tensors_are_exceptions() -> None:
     ):
         with pytest.raises(pz.InputError):
             call()
+
+
+@pytest.mark.filterwarnings("ignore:.torch.jit")
+def test_forward_derivatives_are_errors_and_never_zero() -> None:
+    with pytest.raises(NotImplementedError):
+        torch.func.jvp(lambda numbers: pt.develop(numbers, isp=ISP, frame=FRAME), (raw(),), (torch.ones_like(raw()),))

@@ -237,3 +237,11 @@ def test_a_small_network_learns_behind_a_moving_lens(glass: pt.Lens) -> None:
     assert glass.x.dtype == torch.float64 and len(list(model.parameters())) == 5
     # What was designed is a lens like any other.
     assert glass.lens().efl_mm == pytest.approx(efl_mm, rel=1e-6)
+
+
+def test_texts_are_no_numbers(glass: pt.Lens) -> None:
+    with pytest.raises(pz.InputError, match="fields_deg"):
+        glass.psf(fields_deg="09", grid=16)  # type: ignore[arg-type]
+    psfs = glass.psf(fields_deg=[0.0], grid=16, pitch_um=4.0)
+    with pytest.raises(pz.InputError, match="pixel_um"):
+        pt.render(torch.ones(1, 3, 16, 16), psfs, pixel_um="8", patches=(1, 1))  # type: ignore[arg-type]

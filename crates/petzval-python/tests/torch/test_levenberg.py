@@ -188,3 +188,11 @@ def test_a_loss_that_no_ray_moves_leaves_the_lens(glass: pt.Lens) -> None:
     with pytest.warns(pz.PetzvalWarning, match="the lens stays"):
         pt.LevenbergMarquardt(glass).step(closure)
     assert torch.equal(glass.x.detach(), x)
+
+
+def test_a_closure_returns_its_loss(triplet: pz.Lens) -> None:
+    glass = pt.Lens(triplet)
+    steps = pt.LevenbergMarquardt(glass)
+    for wrong in (None, 1.0, torch.ones(2)):
+        with pytest.raises(pz.InputError, match="closure: it returned"):
+            steps.step(lambda wrong=wrong: wrong)

@@ -189,3 +189,15 @@ def test_ten_thousand_calls_leave_nothing_behind(glass: pt.Lens) -> None:
     assert len(_ops._SPACES) == len(_ops._KEYS) == spaces
     assert plans is not None and _ops._plan.cache_info().currsize <= plans
     assert resident_kb() - kb < 20_000
+
+
+def test_an_operator_called_by_its_name_carries_tangents(glass: pt.Lens) -> None:
+    numbers = _ops.lens_numbers(glass.x.detach(), glass._key)
+    plan = (glass._key, [0.0, 8.0], [0.55], 16, 4.0, "geometric", 16)
+    along = torch.full_like(numbers, 1e-3)
+    _, right = torch.func.jvp(lambda numbers: _ops.psf(numbers, plan)[0], (numbers,), (along,))
+    with torch.autograd.forward_ad.dual_level():
+        values, *_ = torch.ops.petzval.psf(torch.autograd.forward_ad.make_dual(numbers, along), *plan)
+        found = torch.autograd.forward_ad.unpack_dual(values).tangent
+    assert right.abs().max() > 1e-6
+    torch.testing.assert_close(found, right, rtol=0.0, atol=0.0)

@@ -31,6 +31,11 @@ _NO_SECOND = (
     "petzval.torch.LevenbergMarquardt takes steps by curvature without them"
 )
 
+_NO_COMPILED_FORWARD = (
+    "torch.compile has no forward derivatives of a lens of petzval.torch: call torch.func.jvp and jacfwd outside of compiled functions, "
+    "or take jacrev"
+)
+
 _SPACES: weakref.WeakValueDictionary[int, DesignSpace] = weakref.WeakValueDictionary()
 _KEYS: weakref.WeakKeyDictionary[DesignSpace, int] = weakref.WeakKeyDictionary()
 _NEXT = count(1)
@@ -155,12 +160,22 @@ class _Operator:
         torch.library.register_fake(f"petzval::{name}", fake, lib=_LIBRARY)
         self.call: Any = getattr(torch.ops.petzval, name).default
         self.function: Any = None
+        self.with_jvp: Any = None
         self._batched = batched
         torch.library.register_vmap(f"petzval::{name}", self._vmap, lib=_LIBRARY)
 
     def _with_gradient(self, *arguments: Any) -> Any:
-        """The operator called by its own name; within its `autograd.Function` nothing requires a gradient."""
-        if torch.is_grad_enabled() and any(tensor.requires_grad for tensor in arguments[: self._batched]):
+        """The operator called by its own name; within its `autograd.Function` nothing requires a gradient.
+
+        `torch.compile` calls it so within ``torch.func.jvp``, too: below the function transforms, where no `autograd.Function` can be applied and
+        the tangent would be lost in silence.
+        """
+        tensors = arguments[: self._batched]
+        if torch._C._is_fwd_grad_enabled() and any(_has_tangent(tensor) for tensor in tensors):
+            if torch._C._functorch.peek_interpreter_stack() is not None:
+                raise NotImplementedError(_NO_COMPILED_FORWARD)
+            return self.with_jvp.apply(*arguments)
+        if torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors):
             return self.function.apply(*arguments)
         with torch._C._AutoDispatchBelowAutograd():
             return self.call(*arguments)
@@ -176,6 +191,11 @@ class _Operator:
             return torch.stack(found), 0
         stacked = tuple(torch.stack(of_output) for of_output in zip(*found))
         return stacked, (0,) * len(stacked)
+
+
+def _has_tangent(tensor: Tensor) -> bool:
+    """Whether a tensor carries a forward derivative. There is one level of them."""
+    return torch._VF._unpack_dual(tensor, level=0)[1] is not None
 
 
 _LIBRARY = torch.library.Library("petzval", "FRAGMENT")
@@ -364,6 +384,8 @@ class _PsfForward(_Psf):
 
 LENS_NUMBERS.function, LENS_PENALTY.function = _LensNumbers, _LensPenalty
 PSF.function, PSF_BACKWARD.function, PSF_FORWARD.function = _Psf, _PsfBackward, _PsfAlong
+LENS_NUMBERS.with_jvp, LENS_PENALTY.with_jvp = _LensNumbersForward, _LensPenaltyForward
+PSF.with_jvp, PSF_BACKWARD.with_jvp, PSF_FORWARD.with_jvp = _PsfForward, _PsfBackwardForward, _PsfAlong
 
 
 def _applied(function: Any, with_jvp: Any, *arguments: Any) -> Any:

@@ -269,6 +269,8 @@ def checked(name: str, picture: Tensor) -> Tensor:
 def grid_of(shape: tuple[int, ...], pixel_um: float, patches: tuple[int, int]) -> Grid:
     """A sensor and its patches, checked."""
     height, width = _pair("shape", tuple(shape))
+    if isinstance(pixel_um, (str, bytes)):
+        raise wrong("pixel_um", repr(pixel_um), "is no number", "in um, 0.001 to 10000")
     return Grid(height, width, float(pixel_um), _pair("patches", patches))
 
 

@@ -224,6 +224,8 @@ def _wrong(name: str, value: object, hint: str) -> InputError:
 
 def _numbers(name: str, values: Any) -> tuple[float, ...]:
     """Numbers of a list, a tuple, an array or a tensor. ``torch.compile`` follows lists and tuples."""
+    if isinstance(values, (str, bytes)):
+        raise _wrong(name, values, "a list of numbers")
     try:
         return (float(values),) if isinstance(values, (int, float)) else tuple([float(value) for value in values])
     except (TypeError, ValueError) as error:

@@ -72,6 +72,9 @@ class LevenbergMarquardt(torch.optim.Optimizer):
         lens.x.grad = None
         with torch.enable_grad(), lens._lifted() as cut:
             loss = closure()
+        if not isinstance(loss, Tensor) or loss.numel() != 1:
+            shown = f"a tensor of shape {tuple(loss.shape)}" if isinstance(loss, Tensor) else repr(loss)
+            raise InputError(f"closure: it returned {shown}", place=Place(key="closure", value=shown), hint="return the loss, a tensor of one number")
         value = float(loss.detach())
         if not (value > 0.0 and math.isfinite(value)):
             raise _refused("loss", value, "the lift takes losses above zero: add what keeps it there")
