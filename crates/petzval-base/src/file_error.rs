@@ -130,6 +130,10 @@ impl FileError {
                 let hint = hint.filter(|_| !message.contains("a table"));
                 (path.to_owned(), message.replace("a table", "an object"), hint.map(str::to_owned))
             }
+            Some((value, _)) if message.starts_with("invalid value: integer") => {
+                let (message, hint) = of_type(message);
+                (path.to_owned(), format!("{value}: {message}"), hint.map(str::to_owned))
+            }
             _ => (path.to_owned(), message.to_owned(), None),
         };
         Self { line: None, column: None, key, value: String::new(), message, hint }
@@ -388,6 +392,12 @@ mod tests {
                 "unknown variant `wave`, expected `waves` or `rays`",
                 "`psf.kind`: \"wave\": this key takes \"waves\" or \"rays\"",
                 Some("did you mean \"waves\"?"),
+            ),
+            (
+                "trials",
+                "invalid value: integer `-1`, expected usize",
+                "`trials`: -1: expected a number from 0 without a decimal point",
+                Some("write a whole number without quotes, 0 or more"),
             ),
         ] {
             let error = FileError::of_value(path, message);

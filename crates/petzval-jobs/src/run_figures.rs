@@ -1,7 +1,7 @@
 //! Figures and cameras of a run as the run wrote them: where a file was changed since, reading it is refused unless the user accepts the change.
 
 use petzval_design::report::run_report::read_metrics;
-use petzval_design::run::{DigestCheck, Metrics, RunFolder};
+use petzval_design::run::{DigestCheck, Event, Metrics, RunFolder, read_events};
 
 use crate::context::Context;
 use crate::error::JobError;
@@ -17,6 +17,19 @@ pub fn figures(
     let warn = |text: &str| context.warning(WarningKind::ChangedFile, text);
     check_figures(&metrics, &DigestCheck::new(folder, accept_changed, &warn))?;
     Ok(metrics)
+}
+
+/// The steps of a run. Those of a finished run are refused where the run or its events were changed.
+pub fn events(
+    folder: &RunFolder,
+    accept_changed: &[String],
+    context: &Context,
+) -> Result<Vec<Event>, JobError> {
+    let warn = |text: &str| context.warning(WarningKind::ChangedFile, text);
+    if folder.metrics().is_file() {
+        DigestCheck::new(folder, accept_changed, &warn).check("")?;
+    }
+    Ok(read_events(&folder.events())?)
 }
 
 /// Refuses a finished camera that was changed: its lens, its values, its weights.

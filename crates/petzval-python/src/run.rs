@@ -7,10 +7,10 @@ use numpy::{PyArray3, PyReadonlyArray2, PyUntypedArrayMethods};
 use petzval_design::error::DesignError;
 use petzval_design::report::run_report::{camera_lens, read_metrics};
 use petzval_design::run::picture_names::file_name;
-use petzval_design::run::{Metrics, RunFolder, RunRecord, read_events};
+use petzval_design::run::{Metrics, RunFolder, RunRecord};
 use petzval_files::raw_file::{RawFrame, RawInfo, load_raw};
 use petzval_jobs::apply::{Cameras, Finished, Place, Taking};
-use petzval_jobs::run_figures::{check_camera, figures};
+use petzval_jobs::run_figures::{check_camera, events, figures};
 use petzval_jobs::{Context, JobError, json, usual};
 use pyo3::prelude::*;
 use serde::Serialize;
@@ -89,7 +89,7 @@ impl PyRun {
 
     /// Every step as JSON.
     fn events(&self, py: Python<'_>, watch: Watch<'_>) -> PyResult<String> {
-        watched(py, &watch, |_| json(&read_events(&self.folder.events())?))
+        watched(py, &watch, |context| json(&events(&self.folder, &self.accept_changed, context)?))
     }
 
     /// The lens of a finished camera, or the one that the run began with.

@@ -228,7 +228,8 @@ impl PyDesignSpace {
         })
     }
 
-    /// Free coordinates of a lens with the same surfaces, moved inside their bounds: not onto them, where the map has no slope.
+    /// Free coordinates of a lens of this space, moved inside their bounds: not onto them, where the map has no slope. A lens of the space has
+    /// its numbers and media, except for those that move. Semi-diameters may differ, which optimisers let follow the beam.
     fn coordinates_of<'py>(&self, py: Python<'py>, lens: &PyLens) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let (mine, other) = (self.file.lens.surfaces.len(), lens.file.lens.surfaces.len());
         if mine != other {
@@ -237,6 +238,11 @@ impl PyDesignSpace {
                 py,
                 &JobError::setting("lens", &lens.file.lens.name, "is another lens", hint),
             ));
+        }
+        if let Some(other) = self.held_otherwise(&lens.file.lens) {
+            let hint = "make the space from the lens itself, by `lens.variables(...)`";
+            let message = format!("is another lens than those of this space: {other}");
+            return Err(exception(py, &JobError::setting("lens", &lens.file.lens.name, message, hint)));
         }
         let at = self.space.space().coordinates(&lens.file.lens);
         Ok(self.space.off_bounds(&self.space.free(&at)).into_pyarray(py))
@@ -284,6 +290,33 @@ impl PyDesignSpace {
 }
 
 impl PyDesignSpace {
+    /// The first thing that the space holds and that is another one in a lens of as many surfaces, in words.
+    fn held_otherwise(&self, other: &Lens) -> Option<String> {
+        let (mine, moved) = (&self.file.lens, self.space.space().numbers());
+        if mine.stop != other.stop {
+            return Some(format!("its stop is surface {}, not {}", other.stop, mine.stop));
+        }
+        // A plane has an infinite radius, and a surface that lacks a number is NaN there.
+        let are_alike =
+            |a: f64, b: f64| a == b || a.is_nan() && b.is_nan() || (a - b).abs() <= 1e-9 * (1.0 + a.abs());
+        for (surface, (a, b)) in mine.surfaces.iter().zip(&other.surfaces).enumerate() {
+            let has_moving_index = moved.contains(&(surface, Number::Index));
+            let [n_a, n_b] = [&a.glass, &b.glass].map(|glass| glass.index(mine.reference_um));
+            if !has_moving_index && !are_alike(n_a, n_b) {
+                return Some(format!("behind surface {surface} is {}, not {}", b.glass.name, a.glass.name));
+            }
+            let is_held =
+                |number: &&Number| **number != Number::SemiDiameter && !moved.contains(&(surface, **number));
+            for number in Number::ALL.iter().filter(is_held) {
+                let [from, to] = [mine, other].map(|lens| number.read_stated(lens, surface));
+                if !are_alike(from, to) {
+                    return Some(format!("the {number} of surface {surface} is {to}, not {from}"));
+                }
+            }
+        }
+        None
+    }
+
     /// Free coordinates that an array holds.
     pub fn coordinates(
         &self,

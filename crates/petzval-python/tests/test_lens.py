@@ -1,3 +1,4 @@
+import re
 import pickle
 import warnings
 
@@ -100,6 +101,24 @@ def test_a_design_space_is_pickled(triplet: pz.Lens) -> None:
     assert again.coordinates == space.coordinates
     np.testing.assert_allclose(again.start, space.start, atol=1e-12)
     assert again.penalty(space.start)[0] == pytest.approx(space.penalty(space.start)[0], rel=1e-12)
+
+
+def test_a_lens_of_another_space_is_refused(triplet: pz.Lens, tmp_path) -> None:
+    file = tmp_path / "lens.toml"
+    triplet.save(file)
+    file.write_text(re.sub('glass = "[^"]+"', 'glass = "N-BK7"', file.read_text(), count=1))
+    radius = triplet.surfaces[0].radius_mm
+    space = triplet.variables([pz.Variable(0, "radius_mm", 0.9 * radius, 1.1 * radius)])
+    assert np.isfinite(space.coordinates_of(triplet.with_(0, radius_mm=1.01 * radius))).all()
+    assert np.isfinite(space.coordinates_of(triplet.with_(1, semi_diameter_mm=9.0))).all()
+    others = [
+        (triplet.with_(1, radius_mm=1.01 * triplet.surfaces[1].radius_mm), "radius_mm of surface 1"),
+        (pz.Lens.load(file), "behind surface 0 is N-BK7"),
+        (triplet.with_(1, thickness_mm=triplet.surfaces[1].thickness_mm + 0.1), "thickness_mm of surface 1"),
+    ]
+    for other, place in others:
+        with pytest.raises(pz.InputError, match=place):
+            space.coordinates_of(other)
 
 
 def test_coordinates_have_slopes_where_a_lens_stands_on_a_bound(triplet: pz.Lens) -> None:

@@ -154,3 +154,22 @@ def test_a_notebook_shows_a_run_with_an_edited_lens(run_folder: Path, tmp_path: 
     lens.write_text(lens.read_text() + "\n")
     shown = pz.Run(copy)._repr_html_()
     assert "seed 1" in shown and f"cameras/{last}/lens.toml is not as the run wrote it" in shown
+
+
+def test_steps_of_a_shortened_file_are_refused(run_folder: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "run"
+    shutil.copytree(run_folder, copy)
+    events = copy / "events.jsonl"
+    lines = events.read_text().splitlines(keepends=True)
+    events.write_text("".join(lines[: len(lines) // 2]))
+    with pytest.raises(pz.InputError, match="events.jsonl is not as the run wrote it"):
+        list(pz.Run(copy).events())
+    with pytest.warns(pz.PetzvalWarning, match="events.jsonl"):
+        assert len(list(pz.Run(copy, accept_changed="events.jsonl").events())) == len(lines) // 2
+
+
+def test_a_file_is_no_run(tmp_path: Path) -> None:
+    lens = tmp_path / "lens.zmx"
+    lens.write_text("NAME lens\n")
+    with pytest.raises(pz.InputError, match="it is a file"):
+        pz.Run(lens)

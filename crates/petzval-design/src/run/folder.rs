@@ -123,7 +123,11 @@ impl RunFolder {
     pub fn open(root: &Path) -> Result<Self, DesignError> {
         let folder = Self::at(root);
         if !folder.config().is_file() {
-            let why = if root.is_dir() { "it has no config.toml" } else { "there is no such folder" };
+            let why = match root.metadata() {
+                Ok(about) if about.is_dir() => "it has no config.toml",
+                Ok(_) => "it is a file",
+                Err(_) => "there is no such folder",
+            };
             let problem = format!("not a run folder: {why}");
             return Err(DesignError::Run { path: root.to_path_buf(), problem });
         }

@@ -41,7 +41,9 @@ impl PlaneFit {
         let terms = DMatrix::from_fn(points.len(), powers.len(), |r, c| term(powers[c], &points[r]));
         let qr = terms.clone().qr();
         let r = qr.r();
-        let is_determined = r.diagonal().iter().all(|v| v.is_finite() && *v != 0.0);
+        // Where a diagonal element is lost in the rounding of the largest, the points lie on a curve of this degree.
+        let largest = r.diagonal().amax();
+        let is_determined = r.diagonal().iter().all(|v| v.abs() > f64::EPSILON * largest);
         is_determined.then_some(Self { powers, degree, points, terms, qr, r })
     }
 
@@ -158,6 +160,14 @@ pub(super) fn add_moments(row_bar: &mut [f64], bar: f64, x: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn points_that_determine_no_polynomial_are_refused() {
+        let on_a_line: Vec<[f64; 2]> = (0..40).map(|i| [0.05 * f64::from(i) - 1.0; 2]).collect();
+        assert!(PlaneFit::new(&on_a_line, 3, None).is_none());
+        assert!(PlaneFit::new(&on_a_line[..2], 3, None).is_none());
+        assert!(PlaneFit::new(&[[f64::NAN, 0.0]; 40], 3, None).is_none());
+    }
 
     #[test]
     fn derivatives_by_moved_points_match_differences() {

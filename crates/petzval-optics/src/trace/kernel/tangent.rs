@@ -201,6 +201,9 @@ impl WithSimd for PushForward<'_> {
             let read = |from: &[f64]| Lanes::load(simd, &from[at..]);
             let fate = read(&launched.fate);
             let arrival = trace_rays::<S, true>(sequence, load(simd, launched, at), fate, &mut tape);
+            // Changes of failed rays are zero.
+            let dead = is_dead(arrival.fate);
+            let alive = |v: Lanes<S>| dead.select(zero, v);
             let mut start = Tangent { position: [zero; 3], direction: [zero; 3] };
             if let Some((aimed, stop_growth)) = aimed {
                 // Re-aim: carry a zero tangent to the stop, and move the launch point so that the point there changes by
@@ -213,7 +216,7 @@ impl WithSimd for PushForward<'_> {
                 let per_det = zero.constant(1.0) / (a * d - b * c);
                 let ds = [(d * miss[0] - b * miss[1]) * per_det, (a * miss[1] - c * miss[0]) * per_det];
                 for (ds, to) in ds.into_iter().zip(&mut out.launch_mm) {
-                    ds.store(&mut to[at..]);
+                    alive(ds).store(&mut to[at..]);
                 }
                 let (_, by) =
                     launched_rays(sequence, aimed.field_rad, [read(&launched.x), read(&launched.y)]);
@@ -229,9 +232,6 @@ impl WithSimd for PushForward<'_> {
             let d = arrival.ray.direction;
             let moved = along(end.position, arrival.run, end.direction);
             let run = (zero.constant(change[(last, Number::Thickness)]) - moved[2]) / d[2];
-            // Store the changes; those of failed rays are zero.
-            let dead = is_dead(arrival.fate);
-            let alive = |v: Lanes<S>| dead.select(zero, v);
             alive(run.mul_add(d[0], moved[0])).store(&mut out.image_x[at..]);
             alive(run.mul_add(d[1], moved[1])).store(&mut out.image_y[at..]);
             alive(light * arrival.transmission).store(&mut out.transmission[at..]);
