@@ -389,7 +389,7 @@ PSF.with_jvp, PSF_BACKWARD.with_jvp, PSF_FORWARD.with_jvp = _PsfForward, _PsfBac
 
 
 def _applied(function: Any, with_jvp: Any, *arguments: Any) -> Any:
-    """torch.compile follows functions without a forward derivative alone."""
+    """torch.compile follows only functions that have no `jvp`."""
     return (function if torch.compiler.is_compiling() else with_jvp).apply(*arguments)
 
 
