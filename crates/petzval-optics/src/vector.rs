@@ -42,3 +42,8 @@ pub(crate) fn transposed(m: &Matrix3) -> Matrix3 {
 pub(crate) fn half_turned(m: &Matrix3) -> Matrix3 {
     [0, 1, 2].map(|i| [0, 1, 2].map(|j| if (i == 2) == (j == 2) { m[i][j] } else { -m[i][j] }))
 }
+
+/// Change of the determinant of a 2 x 2 matrix, from that of its elements.
+pub(crate) fn determinant_change([x, y]: [[f64; 2]; 2], [dx, dy]: [[f64; 2]; 2]) -> f64 {
+    dx[0] * y[1] + x[0] * dy[1] - dx[1] * y[0] - x[1] * dy[0]
+}

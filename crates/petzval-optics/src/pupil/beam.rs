@@ -10,6 +10,7 @@ use super::samples::{PupilSamples, optical_paths};
 use crate::gradient::LensGradient;
 use crate::paraxial::first_order;
 use crate::trace::{AimedRays, Fate, RayBundle, Reaim, Seeds, Sequence, pull_back, push_change, trace};
+use crate::vector::determinant_change;
 
 /// Degree of the polynomials through launch points; high, because this is the reference.
 const JACOBIAN_DEGREE: usize = 20;
@@ -281,8 +282,9 @@ impl Beam {
         let (launch, moved) = (fit(&aimed.launch_mm), fit(&moved.launch_mm));
         let of_node = |p: &[f64; 2]| {
             let slopes = |of: &[PupilPolynomial; 2]| of.each_ref().map(|axis| basis.slope(axis, *p));
-            let ([[xx, xy], [yx, yy]], [x, y]) = (slopes(&launch), slopes(&moved));
-            (xx * yy - xy * yx).signum() * (x[0] * yy + xx * y[1] - x[1] * yx - xy * y[0])
+            let (at, by) = (slopes(&launch), slopes(&moved));
+            let [[xx, xy], [yx, yy]] = at;
+            (xx * yy - xy * yx).signum() * determinant_change(at, by)
         };
         self.nodes.iter().map(of_node).collect()
     }

@@ -10,7 +10,7 @@ use crate::trace::{
     AimedRays, Ray, RayBundle, RayTangents, Reaim, SOFT_EDGE_MM, Seeds, Sequence, SquaredHeights, launch,
     pull_back, push_change_with_heights, trace_with_heights,
 };
-use crate::vector::dot;
+use crate::vector::{determinant_change, dot};
 
 /// Samples stay inside the rim of the stop. An aperture is checked at the rim too if samples reach this share of its
 /// clear radius.
@@ -248,7 +248,10 @@ impl PupilSamples {
             .enumerate()
             .map(|(i, (projection, by))| {
                 let sign = (xx[i] * yy[i] - xy[i] * yx[i]).signum();
-                let jacobian = x[0][i] * yy[i] + xx[i] * y[1][i] - x[1][i] * yx[i] - xy[i] * y[0][i];
+                let jacobian = determinant_change(
+                    [[xx[i], xy[i]], [yx[i], yy[i]]],
+                    [&x, &y].map(|row| [row[0][i], row[1][i]]),
+                );
                 let projected = by[0] * rays.launch_mm[0][i] + by[1] * rays.launch_mm[1][i];
                 sign * jacobian / area * projection + self.light[i] * (projected / projection - by_area)
             })

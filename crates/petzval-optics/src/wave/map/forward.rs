@@ -5,6 +5,7 @@ use crate::gradient::LensGradient;
 use crate::number::Number;
 use crate::pupil::Symmetry;
 use crate::trace::Sequence;
+use crate::vector::determinant_change;
 
 impl WaveMap {
     /// The change of the map along changes of the lens, of the logarithm of the stop radius and of the centre (mm): the transpose
@@ -66,7 +67,10 @@ impl WaveMap {
         (0..q.len())
             .map(|i| {
                 let determinant = xx[i] * yy[i] - xy[i] * yx[i];
-                let growth = x[0][i] * yy[i] + xx[i] * y[1][i] - x[1][i] * yx[i] - xy[i] * y[0][i];
+                let growth = determinant_change(
+                    [[xx[i], xy[i]], [yx[i], yy[i]]],
+                    [&x, &y].map(|row| [row[0][i], row[1][i]]),
+                );
                 let per_area = 1.0 / (std::f64::consts::PI * determinant.abs());
                 per_area * (light[i] - self.samples.light[i] * growth / determinant)
             })
