@@ -1,7 +1,7 @@
 //! Writes paths for programs that read JSON, which holds nothing but UTF-8. Bytes of a path that are no UTF-8 become U+FFFD.
 //!
 //! serde itself fails with such a path. A result must not be lost by the name of its file: fields of results have
-//! `#[serde(serialize_with = "petzval_base::lossy_path::serialize")]`. What is read again, such as the request of a run, has not.
+//! `#[serde(serialize_with = "petzval_base::lossy_path::serialize")]`. Paths that are read again, such as those in the request of a run, do not have it.
 
 use std::path::{Path, PathBuf};
 

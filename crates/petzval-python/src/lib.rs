@@ -57,10 +57,11 @@ fn command(py: Python<'_>, words: Vec<OsString>) -> u8 {
 mod _petzval {
     use pyo3::prelude::*;
 
-    /// Adds the version of the package.
+    /// Adds the version of the package and its constants.
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
-        module.add("__version__", env!("CARGO_PKG_VERSION"))
+        module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+        module.add("MOST_THREADS", petzval_jobs::MOST_THREADS)
     }
 
     #[pymodule_export]

@@ -72,6 +72,7 @@ def _calls(lens: pz.Lens, folder: Path) -> Iterator[tuple[str, Callable[[], Any]
     yield "time_s", lambda: sensor.expose(light, time_s="1")  # type: ignore[arg-type]
     yield "wavelengths_um", lambda: pz.Glass("N-BK7").index(["a"])
     yield "glasses[0]", lambda: pz.Glass("N-BK7", glasses=[3])  # type: ignore[list-item]
+    yield "name", lambda: pz.Glass(5)  # type: ignore[arg-type]
     yield "psfs", lambda: pz.render(light, "psf", pixel_um=5)  # type: ignore[arg-type]
     yield "picture", lambda: pz.render("photo.png", bank, pixel_um=5)
     yield "pixel_um", lambda: pz.render(light, bank, pixel_um="5")  # type: ignore[arg-type]

@@ -49,8 +49,8 @@ pub struct UnitRow {
     pub run: Option<RunRow>,
 }
 
-/// Every run and every unit of a store in a folder and below it; a folder that is a run itself is the only row. What is damaged is a row with its
-/// reason. Links are not followed.
+/// Every run and every unit of a store in a folder and below it; a folder that is a run itself is the only row. A damaged run or unit
+/// has a row with the reason. Links are not followed.
 pub fn runs_in(folder: &Path, context: &Context) -> Result<Runs, JobError> {
     if !folder.is_dir() {
         let what = if folder.exists() { "is no folder" } else { "there is no such folder" };

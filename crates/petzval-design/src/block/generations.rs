@@ -35,8 +35,9 @@ pub(super) struct PointScore {
 }
 
 impl Generations {
-    /// Scores the points of a generation. Returns the middle of the search behind it, which is a better answer than its best point, since every
-    /// batch says something else; and the mean losses of the points. `score` returns none at a point where there is no camera.
+    /// Scores the points of a generation. Returns the middle of the search after it, and the mean losses of the points. The middle is a better
+    /// answer than the best point: losses differ from batch to batch, and the best point was often lucky. `score` returns none at a point where
+    /// there is no camera.
     pub fn step(
         &mut self,
         first: FirstGeneration,

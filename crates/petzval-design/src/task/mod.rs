@@ -50,7 +50,7 @@ pub trait Task: Send + Sync {
     /// What it decides of its experiments.
     fn facts(&self) -> TaskFacts;
 
-    /// Checks what it needs of an experiment besides.
+    /// Checks the keys of an experiment that this task alone needs, such as its classes.
     fn check(&self, _experiment: &Experiment, _text: &str) -> Result<(), FileError> {
         Ok(())
     }

@@ -8,6 +8,7 @@ from numpy import float32, float64, uint16, uint8
 from numpy.typing import ArrayLike, NDArray
 
 __version__: str
+MOST_THREADS: int
 
 _Watch = tuple[Callable[[str], None] | None, Cancel | None]
 _Settings = tuple[int, int, float, float, int, int]

@@ -4,8 +4,6 @@ from . import _petzval
 from ._arguments import count
 from ._errors import setting
 
-_MOST = 1024
-
 
 def set_threads(threads: int) -> None:
     """Chooses how many threads the next work has. Results do not depend on it.
@@ -21,9 +19,9 @@ def set_threads(threads: int) -> None:
 
 def threads_of(threads: int) -> int:
     """A number of threads, checked."""
-    hint = f"a whole number, 0 to {_MOST}; 0 means one for each core"
+    hint = f"a whole number, 0 to {_petzval.MOST_THREADS}; 0 means one for each core"
     number = count("threads", threads, hint)
-    if number > _MOST:
+    if number > _petzval.MOST_THREADS:
         raise setting("threads", str(number), "is too large", hint)
     return number
 

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval, jobs
 from ._arguments import paths_of, reals
+from ._errors import setting
 from ._watch import watch
 from .cameras import _known
 
@@ -34,6 +35,8 @@ class Glass:
     """
 
     def __init__(self, name: str, *, glasses: Paths = ()) -> None:
+        if not isinstance(name, str):
+            raise setting("name", repr(name), "is no text", "the name of a glass, such as \"N-BK7\" or \"SCHOTT:N-BK7\"")
         self._name = name
         self._glasses = paths_of("glasses", glasses)
         with watch() as watching:

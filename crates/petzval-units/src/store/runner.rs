@@ -78,6 +78,9 @@ const LOOK_AGAIN: Duration = Duration::from_secs(2);
 /// How often a wait looks whether it is cancelled.
 const CANCEL_LOOK: Duration = Duration::from_millis(100);
 
+/// How many times a unit is begun without a checkpoint: a job that is longer than the time of a task would be begun for ever.
+const MOST_BEGINNINGS: u32 = 5;
+
 /// How far the time of day may go apart from the time that passed, s.
 const CLOCK_JUMP_S: f64 = 60.0;
 
@@ -198,6 +201,10 @@ pub(crate) fn run_prepared(
             return Err(error);
         }
     };
+    if place.from == Beginning::Nothing && attempt.number() > MOST_BEGINNINGS && !options.retries {
+        let error = never_ends(&attempt);
+        return Ok(Outcome::Failed(Box::new(attempt.fail(error.report())?)));
+    }
     if place.from == Beginning::Nothing && attempt.number() > 1 && !options.retries {
         own.note(format!(
             "no attempt has left a checkpoint: the unit begins again, and {:.0} CPU s are lost; if tasks end before it does, give them more time, \
@@ -214,6 +221,18 @@ pub(crate) fn run_prepared(
         }
         Err(error) => ended_without(attempt, error, prepared, store),
     }
+}
+
+/// The error of a unit that was begun so many times that its processes seem to end before it can.
+fn never_ends(attempt: &Attempt) -> JobError {
+    let message = format!(
+        "it was stopped {MOST_BEGINNINGS} times before its end and left no checkpoint: {:.0} CPU s are lost",
+        attempt.cpu_seconds_before()
+    );
+    JobError::input(
+        message,
+        "give each task more time (`petzval sweep --time`), cut the unit into parts, or run it again with `petzval unit run --retry`",
+    )
 }
 
 /// How a unit ends whose job has no response.

@@ -157,7 +157,10 @@ fn ray(of: &Submission) -> String {
 # RAY_ADDRESS names the cluster; without it Ray starts on this machine.
 import sys
 
-import petzval.ray
+try:
+    import petzval.ray
+except ModuleNotFoundError as error:
+    sys.exit(f"{{error}}: install ray and petzval for {{sys.executable}}, or run the units with --submit here")
 
 results = petzval.ray.run_units({units}, store={store}, tasks={tasks}, num_cpus={threads})
 failed = [result for result in results if result.error is not None]
@@ -224,6 +227,11 @@ mod tests {
         let script = Engine::Ray.script(&of);
         assert!(
             script.contains(r#"run_units("/a \"b\"/units.jsonl","#) && script.contains("num_cpus=2"),
+            "{script}"
+        );
+        // Where a package is missing, a sentence and not a traceback.
+        assert!(
+            script.contains(r#"sys.exit(f"{error}: install ray and petzval for {sys.executable}"#),
             "{script}"
         );
     }

@@ -31,7 +31,8 @@ impl Prepared {
     ///
     /// The key is the SHA-256 of JSON with sorted keys: form, job, complete request with the seed of the unit, glasses, device, version,
     /// instruction set. A text of the request that is the path of a file or a folder counts by its content: `sha256:` and the digest. So do
-    /// files that a named experiment names. Threads and the folder of results do not count.
+    /// files that an experiment names, whether the experiment is a file or stands in the request as TOML. Threads and the folder of results do
+    /// not count, nor does the folder in which inputs lie.
     ///
     /// Fails if the call is of another form, if the request does not fit its schema, or if a seed is given and the job draws nothing at random. Fails
     /// if an input cannot be read, or if the unit has a key and it is another one.
@@ -57,7 +58,7 @@ impl Prepared {
         let row = row(&unit.call.job)?;
         let request = complete(unit, row)?;
         let mut inputs = Inputs { digests, found: Vec::new() };
-        let known = inputs.by_content(&request)?;
+        let known = inputs.by_content(&request, is_path)?;
         let behind = row.behind(request.clone(), context)?;
         let behind = behind.iter().map(|path| inputs.add(path)).collect::<Result<Vec<_>, _>>()?;
         let glasses = unit.call.glasses.iter().map(|path| inputs.add(path)).collect::<Result<Vec<_>, _>>()?;
@@ -114,15 +115,21 @@ struct Inputs<'a> {
 }
 
 impl Inputs<'_> {
-    /// A request, in which paths stand for what is there.
-    fn by_content(&mut self, of: &Value) -> Result<Value, JobError> {
+    /// A request, in which texts that `is_input` takes for paths stand for what is there. So it is in a file of TOML that stands in it.
+    fn by_content(&mut self, of: &Value, is_input: fn(&str) -> bool) -> Result<Value, JobError> {
         Ok(match of {
-            Value::String(text) if is_path(text) => self.add(Path::new(text))?.into(),
+            Value::String(text) if is_input(text) => self.add(Path::new(text))?.into(),
+            Value::String(text) if text.contains('\n') => match toml::from_str(text) {
+                Ok(inline) => self.by_content(&inline, is_whole_path)?,
+                Err(_other_text) => of.clone(),
+            },
             Value::Array(items) => {
-                Value::Array(items.iter().map(|item| self.by_content(item)).collect::<Result<_, _>>()?)
+                let items = items.iter().map(|item| self.by_content(item, is_input));
+                Value::Array(items.collect::<Result<_, _>>()?)
             }
             Value::Object(keys) => {
-                let by_content = |(key, value): (&String, &Value)| Ok((key.clone(), self.by_content(value)?));
+                let by_content =
+                    |(key, value): (&String, &Value)| Ok((key.clone(), self.by_content(value, is_input)?));
                 Value::Object(keys.iter().map(by_content).collect::<Result<_, JobError>>()?)
             }
             other => other.clone(),
@@ -145,4 +152,9 @@ impl Inputs<'_> {
 fn is_path(text: &str) -> bool {
     let is_short = !text.is_empty() && text.len() < 4096 && !text.contains('\n');
     is_short && !text.starts_with(NOWHERE) && ![".", ".."].contains(&text) && PathBuf::from(text).exists()
+}
+
+/// Whether a text of a file is the path of something that exists. Its words are none, whatever lies in the folder of the program.
+fn is_whole_path(text: &str) -> bool {
+    Path::new(text).is_absolute() && is_path(text)
 }

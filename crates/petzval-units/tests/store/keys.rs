@@ -120,8 +120,19 @@ fn inputs_count_by_content() {
     };
     let before = designed();
     assert_eq!(before.inputs.len(), 2, "{:?}", before.inputs);
+    // So it is where the experiment stands in the request, in whatever folder its files lie.
+    let inline = |folder: &str| {
+        let toml = format!("name = \"a.toml\"\nlens = {:?}\n", at(folder).join("a.toml"));
+        let request = json!({"run": {"new": {"experiment": {"toml": toml}}}});
+        prepared(&Unit::new("d", Call::new("design", request))).key
+    };
+    std::fs::create_dir(at("moved")).unwrap();
+    std::fs::copy(at("a.toml"), at("moved/a.toml")).unwrap();
+    let unmoved = inline("");
+    assert_eq!(unmoved, inline("moved"));
     std::fs::copy(at("c.toml"), at("a.toml")).unwrap();
     assert_ne!(designed().key, before.key);
+    assert_ne!(inline(""), unmoved);
 }
 
 #[test]

@@ -129,6 +129,24 @@ fn stopping() -> Context {
     Context::new(built_in_assets(), Arc::new(Stopper(cancel.clone()))).with_cancellation(cancel)
 }
 
+/// The time of each task is shorter than the job: without an end to it, a cluster would begin the unit for ever.
+#[test]
+fn a_unit_that_is_stopped_before_its_end_each_time_fails_and_is_run_again_only_on_request() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = store(folder.path());
+    let long = unit("long", "lens-tolerance", json!({"lens": "cooke-triplet-nominal", "trials": 300}));
+    for _ in 0..5 {
+        assert!(matches!(run_unit(&long, &store, &stopping(), USUAL).unwrap(), Outcome::Stopped(_)));
+    }
+    let Outcome::Failed(failure) = run_unit(&long, &store, &context(), USUAL).unwrap() else { panic!() };
+    assert_eq!(failure.attempt, 6);
+    assert!(failure.error.message.starts_with("it was stopped 5 times before its end"), "{failure:?}");
+    assert!(failure.error.hint.contains("--time") && failure.error.hint.contains("--retry"), "{failure:?}");
+    assert!(matches!(run_unit(&long, &store, &context(), USUAL).unwrap(), Outcome::Failed(_)));
+    let again = RunOptions { retries: true, ..USUAL };
+    assert!(matches!(run_unit(&long, &store, &context(), again).unwrap(), Outcome::Done(_)));
+}
+
 #[test]
 fn a_stopped_optimisation_goes_on_to_the_same_bits() {
     let folder = tempfile::tempdir().unwrap();
