@@ -170,7 +170,13 @@ fn sharpness(edges: &[EdgeFigures]) -> Markup {
         smooth: false,
         axes: Axes::FromZero,
     };
+    let percent = |value: Option<f64>, error: Option<f64>| {
+        let value = value.map(|value| with_error(100.0 * value, 100.0 * error.unwrap_or(f64::NAN), 2));
+        value.unwrap_or_else(|| "–".to_owned())
+    };
     let row = |edge: &EdgeFigures| {
+        let [overshoot_error, undershoot_error] =
+            [0, 1].map(|i| edge.overshoot_error.map(|errors| errors[i]));
         Row::new(
             fixed(edge.field, 2),
             [
@@ -178,8 +184,8 @@ fn sharpness(edges: &[EdgeFigures]) -> Markup {
                 edge.mtf50_per_px.map_or("–".to_owned(), |v| {
                     with_error(v, edge.mtf50_standard_error.unwrap_or(f64::NAN), 4)
                 }),
-                with_error(100.0 * edge.overshoot, 100.0 * edge.overshoot_error[0], 2),
-                with_error(100.0 * edge.undershoot, 100.0 * edge.overshoot_error[1], 2),
+                percent(edge.overshoot, overshoot_error),
+                percent(edge.undershoot, undershoot_error),
             ],
         )
     };
@@ -257,9 +263,9 @@ mod tests {
             across_lying: vec![0.9; 101],
             across_upright_error: vec![0.01; 101],
             across_lying_error: vec![0.01; 101],
-            overshoot: 0.12,
-            undershoot: 0.04,
-            overshoot_error: [0.003, 0.002],
+            overshoot: Some(0.12),
+            undershoot: Some(0.04),
+            overshoot_error: Some([0.003, 0.002]),
             profile: vec![(-1.0, 0.0), (1.0, 1.0)],
             failures: vec![],
         };

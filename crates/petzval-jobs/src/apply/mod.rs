@@ -9,7 +9,7 @@ use petzval_camera::image::LinearImage;
 use petzval_design::error::DesignError;
 use petzval_design::experiment::SCENE;
 use petzval_files::raw_file::RawFrame;
-use petzval_files::{encoded_png_bytes, load_image};
+use petzval_files::{ImageError, encoded_png_bytes, load_image};
 use petzval_report::side_by_side::{View, page};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -114,6 +114,7 @@ pub(crate) const UNIT: AsUnit<Request> = AsUnit {
 /// `NAME-CAMERA-classes.png`. [`Cameras`] gives the same pictures as values.
 pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let stems = stems(&request.images)?;
+    check_there(&request.images)?;
     let chosen =
         Chosen::new(&request.run, &request.cameras, &request.device, &request.accept_changed, context)?;
     let chosen = match &request.psfs {
@@ -220,6 +221,15 @@ fn stems(images: &[PathBuf]) -> Result<Vec<String>, JobError> {
         stems.push(stem);
     }
     Ok(stems)
+}
+
+/// Names the first picture that is not there, before cameras are made.
+fn check_there(images: &[PathBuf]) -> Result<(), JobError> {
+    for path in images {
+        let there = std::fs::metadata(path);
+        there.map_err(|source| DesignError::from(ImageError::Io { path: path.clone(), source }))?;
+    }
+    Ok(())
 }
 
 /// Reads a photograph, laid on the sensor, or a raw frame that fits the sensor.

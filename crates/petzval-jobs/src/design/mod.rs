@@ -533,8 +533,15 @@ pub(crate) fn prepared(new: &NewRun, context: &Context) -> Result<(Experiment, C
     let files = [("lenses", made.lens_text), ("sensors", made.sensor_text)];
     let files = files.map(|(folder, text)| (format!("{folder}/{fitted}.toml"), text));
     let assets = context.assets.clone().with_files(files);
+    let fitted_grid = (made.experiment.psf.grid, made.experiment.psf.pitch_um);
     let experiment = Experiment { lens: fitted.clone(), sensor: fitted, ..made.experiment };
     let experiment = assets.changed_by(experiment, &new.changes.set)?;
+    let (grid, pitch_um) = (experiment.psf.grid, experiment.psf.pitch_um);
+    if (grid, pitch_um) != fitted_grid {
+        context.note(format!(
+            "psf: by --set the grid has {grid} x {grid} cells of {pitch_um} um in place of the fitted ones"
+        ));
+    }
     Ok((changed(experiment, &new.changes, context)?, context.clone().with_assets(assets)))
 }
 

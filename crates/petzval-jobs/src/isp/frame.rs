@@ -23,6 +23,9 @@ use crate::input::SensorInput;
 use crate::named_isp::about_frame;
 use crate::pixels::check_numbers;
 
+/// Largest digital number of white.
+const MOST_WHITE_DN: f64 = 1e8;
+
 /// What raw files leave open.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -266,16 +269,19 @@ fn read_exposure(
     };
     let white_dn = calibration.white_dn.unwrap_or(full_dn);
     let check_white = |white_dn: f64| {
-        if white_dn > black_dn + 1.0 && white_dn <= 1e8 {
-            Ok(())
+        let message = if white_dn > MOST_WHITE_DN {
+            format!("above {MOST_WHITE_DN:e} DN")
+        } else if white_dn > black_dn + 1.0 {
+            return Ok(());
         } else {
-            Err(JobError::setting(
-                "white_dn",
-                white_dn,
-                format!("not above the black level of {black_dn} DN in {}", path.display()),
-                "give the digital number of a white surface in a green pixel",
-            ))
-        }
+            format!("not above the black level of {black_dn} DN in {}", path.display())
+        };
+        Err(JobError::setting(
+            "white_dn",
+            white_dn,
+            message,
+            "give the digital number of a white surface in a green pixel",
+        ))
     };
     check_white(white_dn)?;
     let range = white_dn - black_dn;

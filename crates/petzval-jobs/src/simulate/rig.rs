@@ -33,6 +33,8 @@ use crate::range::check_ranges;
 /// Most pixels of a simulated frame, and most samples of its scene: the largest sensors have 150 million pixels. Each pixel takes about
 /// 160 bytes, each further sample 12.
 const MOST_PIXELS: usize = 200_000_000;
+/// Least share of a PSF's light that its grid must hold: below, the picture is that of another lens.
+const LEAST_CAPTURED: f64 = 0.5;
 
 /// Bits of the pictures of an image signal processor.
 pub const CHIP_BITS: u32 = 8;
@@ -160,11 +162,18 @@ impl Rig {
             }
         };
         let psfs = Arc::new(source.psfs()?);
-        if let Some(lost) = psfs.captured().and_then(|captured| psf.lost_light(captured, None)) {
-            context.warning(WarningKind::LostLight, lost);
+        let captured = psfs.captured().unwrap_or(1.0);
+        if let Some(lost) = psf.lost_light(captured, None) {
             // A defocus is the usual cause, and no larger grid mends it.
             let name = request.lens.to_string();
             let elsewhere = traced.as_ref().and_then(|(lens, _)| focus_elsewhere(&name, lens));
+            if captured < LEAST_CAPTURED {
+                let hint = elsewhere.unwrap_or_else(|| {
+                    "`petzval psf --grid N --pitch-um UM` traces PSFs on a larger grid, and --psfs takes them".to_owned()
+                });
+                return Err(JobError::input(format!("{name}: {lost}: this is no picture of the lens"), hint));
+            }
+            context.warning(WarningKind::LostLight, lost);
             if let Some(elsewhere) = elsewhere {
                 context.warning(WarningKind::OutOfFocus, format!("{name}: {elsewhere}"));
             }

@@ -26,12 +26,12 @@ pub struct EdgeFigures {
     pub across_upright_error: Vec<f64>,
     /// Standard errors of the modulation across lying edges.
     pub across_lying_error: Vec<f64>,
-    /// Overshoot above the bright level, of the step.
-    pub overshoot: f64,
+    /// Overshoot above the bright level, of the step; none where no side could be measured.
+    pub overshoot: Option<f64>,
     /// Undershoot below the dark level, of the step.
-    pub undershoot: f64,
+    pub undershoot: Option<f64>,
     /// Standard errors of overshoot and undershoot, of the step.
-    pub overshoot_error: [f64; 2],
+    pub overshoot_error: Option<[f64; 2]>,
     /// The profile of the first side: distance from the edge, pixels, and value from 0, dark, to 1, bright.
     pub profile: Vec<(f64, f64)>,
     /// Why sides could not be measured.
@@ -54,9 +54,10 @@ pub(super) fn edge_figures(
     let [upright, lying] = [sides(&target.upright), sides(&target.lying)];
     let mean = |of: &[&EdgeResponse]| Sfr::mean(&of.iter().map(|side| &side.sfr).collect::<Vec<_>>());
     let all: Vec<&EdgeResponse> = upright.iter().chain(&lying).collect();
-    let count = all.len().max(1) as f64;
-    let over_all =
-        |of: fn(&EdgeResponse) -> Estimate| all.iter().map(|side| of(side).value).sum::<f64>() / count;
+    let count = all.len() as f64;
+    let over_all = |of: fn(&EdgeResponse) -> Estimate| {
+        (!all.is_empty()).then(|| all.iter().map(|side| of(side).value).sum::<f64>() / count)
+    };
     let error = |of: fn(&EdgeResponse) -> Estimate| {
         all.iter().map(|side| of(side).standard_error.powi(2)).sum::<f64>().sqrt() / count
     };
@@ -78,7 +79,8 @@ pub(super) fn edge_figures(
         across_lying_error,
         overshoot: over_all(|side| side.overshoot),
         undershoot: over_all(|side| side.undershoot),
-        overshoot_error: [error(|side| side.overshoot), error(|side| side.undershoot)],
+        overshoot_error: (!all.is_empty())
+            .then(|| [error(|side| side.overshoot), error(|side| side.undershoot)]),
         profile: all.first().map(|side| side.profile.clone()).unwrap_or_default(),
         failures,
     }

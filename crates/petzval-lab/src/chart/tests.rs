@@ -52,7 +52,20 @@ fn a_perfect_picture_has_no_errors_but_the_blur_of_its_pixels() {
         // The response of a square pixel falls to a half at 0.603 cycles.
         let mtf50 = edge.mtf50_per_px.unwrap();
         assert!((mtf50 - 0.603).abs() < 0.012, "{}: {mtf50}", edge.contrast);
-        assert!(edge.overshoot < 0.01 && edge.undershoot < 0.01);
+        assert!(edge.overshoot.unwrap() < 0.01 && edge.undershoot.unwrap() < 0.01);
+    }
+}
+
+#[test]
+fn an_edge_that_cannot_be_measured_has_no_figures() {
+    let mut flat = picture(1.0, 0.0);
+    flat.data.fill(0x4000);
+    for edge in &measure(&flat, &CHART, &wanted(), |at| at).edges {
+        assert_eq!(edge.failures.len(), 4, "{:?}", edge.failures);
+        assert_eq!(
+            (edge.mtf50_per_px, edge.overshoot, edge.undershoot, edge.overshoot_error),
+            (None, None, None, None)
+        );
     }
 }
 

@@ -108,13 +108,24 @@ fn light_beyond_the_psf_grid_of_a_lens_out_of_focus_has_its_reason() {
         .replace("width = 1920", "width = 160")
         .replace("height = 1200", "height = 120");
     std::fs::write(folder.path().join("small.toml"), small).unwrap();
-    let lens = read(&data("lenses/cooke-triplet-nominal.toml")).replacen("24.525171", "25.525171", 1);
-    std::fs::write(folder.path().join("moved.toml"), lens).unwrap();
+    let lens = read(&data("lenses/cooke-triplet-nominal.toml"));
+    for (name, back_mm) in [("moved.toml", "25.125171"), ("far.toml", "26.025171")] {
+        std::fs::write(folder.path().join(name), lens.replacen("24.525171", back_mm, 1)).unwrap();
+    }
     let photo = data("photos/coffee.png").display().to_string();
     let args = ["simulate", photo.as_str(), "--lens", "moved.toml", "--sensor", "small.toml", "--out", "out"];
     let taken = run_ok(folder.path(), &args);
     assert!(taken.says("cuts off") && taken.says("moved.toml: out of focus"), "{}", taken.stderr);
     assert!(taken.says("`petzval lens focus moved.toml OUT.toml`"), "{}", taken.stderr);
+    // From less than half of the light there is no picture of the lens.
+    let far = ["simulate", photo.as_str(), "--lens", "far.toml", "--sensor", "small.toml", "--out", "far"];
+    run_fails(
+        folder.path(),
+        &far,
+        2,
+        &["far.toml: the PSF grid", "no picture", "`petzval lens focus far.toml"],
+    );
+    assert!(!folder.path().join("far").exists());
 }
 
 #[test]

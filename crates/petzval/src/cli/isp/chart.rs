@@ -135,7 +135,10 @@ fn table(response: &Response) -> String {
             (Some(value), Some(error)) => format!("{value:.4} ± {error:.4}"),
             _ => "-".to_owned(),
         };
-        let overshoot = format!("{:.1} ± {:.1}", 100.0 * edge.overshoot, 100.0 * edge.overshoot_error[0]);
+        let overshoot = match (edge.overshoot, edge.overshoot_error) {
+            (Some(value), Some([error, _])) => format!("{:.1} ± {:.1}", 100.0 * value, 100.0 * error),
+            _ => "-".to_owned(),
+        };
         text += &format!("{:<14.2}  {:>8}  {mtf50:>15}  {overshoot:>14}\n", edge.field, edge.contrast);
     }
     text + &format!("\n{}\n", shown(&response.page))
