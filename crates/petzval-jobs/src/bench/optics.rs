@@ -90,8 +90,7 @@ fn tracing(lens: Lens) -> Result<Prepared, JobError> {
     Ok(Prepared::new("128 x 128 rays through 7 surfaces", move || {
         let mut rays = start.clone();
         trace(&sequence, &mut rays);
-        std::hint::black_box(&rays);
-        Ok(())
+        Ok(rays)
     })
     .on_one_thread()
     .counted(units, "surface intersections"))
@@ -108,8 +107,7 @@ fn adjoint() -> Result<Prepared, JobError> {
     Ok(Prepared::new(work, move || {
         let mut gradient = LensGradient::zero(sequence.surfaces.len());
         pull_back(&sequence, &start, &seeds, None, &mut gradient);
-        std::hint::black_box(&gradient);
-        Ok(())
+        Ok(gradient)
     })
     .on_one_thread()
     .counted(units, "surface intersections"))
@@ -120,10 +118,7 @@ fn spot_gradient(sampling: PupilSampling, rays: usize) -> Result<Prepared, JobEr
     let fields: Vec<f64> = (0..13).map(|i| (FIELD_DEG * f64::from(i) / 12.0).to_radians()).collect();
     let work =
         format!("RMS spot and gradient, 13 fields x 3 wavelengths x {rays} rays (mirror images counted)");
-    Ok(Prepared::new(work, move || {
-        std::hint::black_box(mean_square_spot_sampled(&lens, &fields, sampling));
-        Ok(())
-    }))
+    Ok(Prepared::new(work, move || Ok(mean_square_spot_sampled(&lens, &fields, sampling))))
 }
 
 fn psf_rgb() -> Result<Prepared, JobError> {
@@ -131,8 +126,7 @@ fn psf_rgb() -> Result<Prepared, JobError> {
     let work = "RGB PSF 128 x 128 at 1 um, 15 degrees, pupil of 160 x 160 cells";
     Ok(Prepared::new(work, move || {
         let options = PsfOptions::default();
-        std::hint::black_box(psf(&lens, FIELD_DEG.to_radians(), &WAVELENGTHS_UM, &quadrature, &options));
-        Ok(())
+        Ok(psf(&lens, FIELD_DEG.to_radians(), &WAVELENGTHS_UM, &quadrature, &options))
     })
     .on_one_thread())
 }
@@ -149,8 +143,7 @@ fn psf_rgb_gradient() -> Result<Prepared, JobError> {
         };
         let cotangent =
             PsfCotangent { values: vec![template.clone(); 3], illumination: vec![1.0; 3], chief_y: 0.0 };
-        std::hint::black_box(tape.gradient(&psf, &quadrature, &cotangent));
-        Ok(())
+        Ok(tape.gradient(&psf, &quadrature, &cotangent))
     })
     .on_one_thread())
 }
@@ -159,10 +152,7 @@ fn psf_13_fields() -> Result<Prepared, JobError> {
     let lens = nominal()?;
     let plan = PsfPlan::new(13, 6.634, WAVELENGTHS_UM, PsfOptions::default(), quadrature(160)?);
     let work = "13 fields x RGB, 128 x 128 at 1 um, pupil of 160 x 160 cells";
-    Ok(Prepared::new(work, move || {
-        std::hint::black_box(plan.bank(&lens)?);
-        Ok(())
-    }))
+    Ok(Prepared::new(work, move || Ok(plan.bank(&lens)?)))
 }
 
 /// The optics of `joint_step` by rays: its settings are those of the built-in experiments.
@@ -187,8 +177,7 @@ fn joint_psfs_of(kind: PsfKind, how: &str) -> Result<Prepared, JobError> {
         let traced = plan.trace(&lens)?;
         let PsfBank { values, illumination, field_radius_mm, .. } = &traced.bank;
         let by_radius = vec![1.0; field_radius_mm.len()];
-        std::hint::black_box(plan.gradient(&traced, values, illumination, &by_radius));
-        Ok(())
+        Ok(plan.gradient(&traced, values, illumination, &by_radius))
     }))
 }
 
@@ -243,10 +232,7 @@ fn lm_iteration() -> Result<Prepared, JobError> {
     );
     Ok(Prepared::new(work, move || {
         let options = LevenbergOptions { iterations: 1, tolerance: 0.0, ..LevenbergOptions::default() };
-        let descent =
-            descend(&problem, &options, &mut |_, _, _| true).map_err(|e| JobError::failed(e.to_string()))?;
-        std::hint::black_box(descent);
-        Ok(())
+        descend(&problem, &options, &mut |_, _, _| true).map_err(|e| JobError::failed(e.to_string()))
     })
     .on_one_thread())
 }
