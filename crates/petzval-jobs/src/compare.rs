@@ -24,24 +24,18 @@ use crate::event::WarningKind;
 use crate::results::{check_file, has_ending};
 use crate::run_page::warn_of_missing_pictures;
 
-/// Runs to compare.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Folders of finished runs; those that differ in the seed alone are taken together.
-    pub runs: Vec<PathBuf>,
-    /// The page.
-    pub out: PathBuf,
-    /// Comma-separated values of the cameras; not written without a name.
-    pub csv: Option<PathBuf>,
-    /// Files or folders of the runs, by their path below them, that may differ from their digests.
-    pub accept_changed: Vec<String>,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        let out = PathBuf::from("comparison.html");
-        Self { runs: Vec::new(), out, csv: None, accept_changed: Vec::new() }
+petzval_base::parameters! {
+    /// Runs to compare.
+    pub struct Request {}
+    also {
+        /// Folders of finished runs; those that differ in the seed alone are taken together.
+        runs: Vec<PathBuf> = Vec::new();
+        /// The page.
+        out: PathBuf = PathBuf::from("comparison.html");
+        /// Comma-separated values of the cameras; not written without a name.
+        csv: Option<PathBuf> = None;
+        /// Files or folders of the runs, by their path below them, that may differ from their digests.
+        accept_changed: Vec<String> = Vec::new();
     }
 }
 

@@ -40,41 +40,27 @@ pub use crate::lens::tolerance::{Compensate, Grade};
 pub use petzval_design::run::{MadeMetrics, Metrics};
 pub use petzval_learn::score::ScoreDescription;
 
-/// A finished run.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Its folder.
-    pub run: PathBuf,
-    /// Where tensors live.
-    pub device: String,
-    /// Photographs: those of the run where they are now, or others, all of which are scored.
-    pub photos: Option<PathBuf>,
-    /// Labelled pictures: those of the run where they are now, or others, all of which are scored. A folder or a file of annotations.
-    pub data: Option<PathBuf>,
-    /// Files or folders of the run, by their path below it, that may differ from their digests.
-    pub accept_changed: Vec<String>,
-    /// PSFs by rays or by waves, in place of those of the run.
-    pub psf: Option<PsfKind>,
-    /// PSFs in place of those of each camera's lens: the folder of results of `psf` or `psf-calibrate`, or its `psf.json`. They form the images, and
-    /// development and restoration know them; networks and ISPs stay as they were trained. Spots and fields of view are those of the lens.
-    pub psfs: Option<PathBuf>,
-    /// Also make cameras at random, whose lenses are off by their tolerances, and score them.
-    pub made: Option<Made>,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Self {
-            run: PathBuf::new(),
-            device: crate::usual::device(),
-            photos: None,
-            data: None,
-            accept_changed: Vec::new(),
-            psf: None,
-            psfs: None,
-            made: None,
-        }
+petzval_base::parameters! {
+    /// A finished run.
+    pub struct Request {}
+    also {
+        /// Its folder.
+        run: PathBuf = PathBuf::new();
+        /// Where tensors live.
+        device: String = crate::usual::device();
+        /// Photographs: those of the run where they are now, or others, all of which are scored.
+        photos: Option<PathBuf> = None;
+        /// Labelled pictures: those of the run where they are now, or others, all of which are scored. A folder or a file of annotations.
+        data: Option<PathBuf> = None;
+        /// Files or folders of the run, by their path below it, that may differ from their digests.
+        accept_changed: Vec<String> = Vec::new();
+        /// PSFs by rays or by waves, in place of those of the run.
+        psf: Option<PsfKind> = None;
+        /// PSFs in place of those of each camera's lens: the folder of results of `psf` or `psf-calibrate`, or its `psf.json`. They form the images, and
+        /// development and restoration know them; networks and ISPs stay as they were trained. Spots and fields of view are those of the lens.
+        psfs: Option<PathBuf> = None;
+        /// Also make cameras at random, whose lenses are off by their tolerances, and score them.
+        made: Option<Made> = None;
     }
 }
 

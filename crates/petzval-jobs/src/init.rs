@@ -28,36 +28,24 @@ pub(crate) const EXPERIMENT: &str = "experiment.toml";
 const LENS: &str = "lens.toml";
 const SENSOR: &str = "sensor.toml";
 
-/// What to start from.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// The folder of the files; made if it is not there.
-    pub out: PathBuf,
-    /// An experiment: a built-in name, the path of a file, or the experiment itself.
-    pub from: ExperimentInput,
-    /// A lens in place of the experiment's: a built-in name, the path of a file, also of another program, or the lens itself. The experiment is
-    /// fitted to it.
-    pub lens: Option<LensInput>,
-    /// A sensor in place of the experiment's: a built-in name, the path of a file, or the sensor itself. Without one, a lens of one's own gets the
-    /// sensor that fits it.
-    pub sensor: Option<SensorInput>,
-    /// Folder of photographs in place of the experiment's.
-    pub photos: Option<PathBuf>,
-    /// Folder or file of pictures with labels in place of the experiment's scenes.
-    pub data: Option<PathBuf>,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Self {
-            out: PathBuf::new(),
-            from: crate::experiment::DEFAULT_EXPERIMENT.into(),
-            lens: None,
-            sensor: None,
-            photos: None,
-            data: None,
-        }
+petzval_base::parameters! {
+    /// What to start from.
+    pub struct Request {}
+    also {
+        /// The folder of the files; made if it is not there.
+        out: PathBuf = PathBuf::new();
+        /// An experiment: a built-in name, the path of a file, or the experiment itself.
+        from: ExperimentInput = crate::experiment::DEFAULT_EXPERIMENT.into();
+        /// A lens in place of the experiment's: a built-in name, the path of a file, also of another program, or the lens itself. The experiment is
+        /// fitted to it.
+        lens: Option<LensInput> = None;
+        /// A sensor in place of the experiment's: a built-in name, the path of a file, or the sensor itself. Without one, a lens of one's own gets the
+        /// sensor that fits it.
+        sensor: Option<SensorInput> = None;
+        /// Folder of photographs in place of the experiment's.
+        photos: Option<PathBuf> = None;
+        /// Folder or file of pictures with labels in place of the experiment's scenes.
+        data: Option<PathBuf> = None;
     }
 }
 

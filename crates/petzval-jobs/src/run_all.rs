@@ -19,31 +19,20 @@ use crate::error::JobError;
 use crate::event::WarningKind;
 use crate::results::check_folder;
 
-/// What to run.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Folder for the runs, `EXPERIMENT-seed-SEED` each, and the page. Finished runs in it are kept, interrupted ones go on.
-    pub out: PathBuf,
-    /// Experiments by name or path; all built-in ones if none is named.
-    pub experiments: Vec<String>,
-    /// Seeds. All experiments have a run of the first before any has one of the second.
-    pub seeds: Vec<u64>,
-    /// What differs from the files of the experiments; its seed is ignored.
-    pub changes: Changes,
-    /// Where tensors live.
-    pub device: String,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Self {
-            out: PathBuf::from("runs"),
-            experiments: Vec::new(),
-            seeds: vec![1, 2, 3],
-            changes: Changes::default(),
-            device: crate::usual::device(),
-        }
+petzval_base::parameters! {
+    /// What to run.
+    pub struct Request {}
+    also {
+        /// Folder for the runs, `EXPERIMENT-seed-SEED` each, and the page. Finished runs in it are kept, interrupted ones go on.
+        out: PathBuf = PathBuf::from("runs");
+        /// Experiments by name or path; all built-in ones if none is named.
+        experiments: Vec<String> = Vec::new();
+        /// Seeds. All experiments have a run of the first before any has one of the second.
+        seeds: Vec<u64> = vec![1, 2, 3];
+        /// What differs from the files of the experiments; its seed is ignored.
+        changes: Changes = Changes::default();
+        /// Where tensors live.
+        device: String = crate::usual::device();
     }
 }
 

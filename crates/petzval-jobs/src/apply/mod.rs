@@ -24,44 +24,29 @@ pub use self::cameras::{Cameras, Finished, Taking};
 pub(crate) use self::cameras::{developed, is_raw, none_finished, raw_frame, taken};
 pub use crate::simulate::Place;
 
-/// Pictures, and the cameras that take them.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Folder of the run.
-    pub run: PathBuf,
-    /// Photographs, which the cameras take; and raw frames, which they develop: DNG files, and files with a sidecar.
-    pub images: Vec<PathBuf>,
-    /// Names of cameras of the run; all that are finished if empty.
-    pub cameras: Vec<String>,
-    /// PSFs in place of those of each camera's lens: the folder of results of `psf` or `psf-calibrate`, or its `psf.json`. They form the images of
-    /// photographs. Development and restoration know them, also those of raw frames; the network stays as it was trained.
-    pub psfs: Option<PathBuf>,
-    /// How a photograph lands on the sensor.
-    pub place: Place,
-    /// Seed of the noise.
-    pub seed: u64,
-    /// Folder for the pictures.
-    pub out: PathBuf,
-    /// Where tensors live.
-    pub device: String,
-    /// Files or folders of the run, by their path below it, that may differ from their digests.
-    pub accept_changed: Vec<String>,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Self {
-            run: PathBuf::new(),
-            images: Vec::new(),
-            cameras: Vec::new(),
-            psfs: None,
-            place: Place::default(),
-            seed: crate::usual::seed(),
-            out: PathBuf::from("applied"),
-            device: crate::usual::device(),
-            accept_changed: Vec::new(),
-        }
+petzval_base::parameters! {
+    /// Pictures, and the cameras that take them.
+    pub struct Request {}
+    also {
+        /// Folder of the run.
+        run: PathBuf = PathBuf::new();
+        /// Photographs, which the cameras take; and raw frames, which they develop: DNG files, and files with a sidecar.
+        images: Vec<PathBuf> = Vec::new();
+        /// Names of cameras of the run; all that are finished if empty.
+        cameras: Vec<String> = Vec::new();
+        /// PSFs in place of those of each camera's lens: the folder of results of `psf` or `psf-calibrate`, or its `psf.json`. They form the images of
+        /// photographs. Development and restoration know them, also those of raw frames; the network stays as it was trained.
+        psfs: Option<PathBuf> = None;
+        /// How a photograph lands on the sensor.
+        place: Place = Place::default();
+        /// Seed of the noise.
+        seed: u64 = crate::usual::seed();
+        /// Folder for the pictures.
+        out: PathBuf = PathBuf::from("applied");
+        /// Where tensors live.
+        device: String = crate::usual::device();
+        /// Files or folders of the run, by their path below it, that may differ from their digests.
+        accept_changed: Vec<String> = Vec::new();
     }
 }
 

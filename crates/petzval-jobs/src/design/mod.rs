@@ -51,21 +51,16 @@ pub use petzval_design::run::Metrics;
 /// How the names of a lens and a sensor end that are fitted to each other and are in no file.
 pub const FITTED: &str = " (fitted)";
 
-/// A run to begin, or to go on with.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Begin a run, or go on with one.
-    pub run: Run,
-    /// Where tensors live.
-    pub device: String,
-    /// Further forms in which losses, scores and figures of lenses are written after every step. A run that has them goes on with them.
-    pub log: Vec<LogForm>,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Self { run: Run::New(NewRun::default()), device: crate::usual::device(), log: Vec::new() }
+petzval_base::parameters! {
+    /// A run to begin, or to go on with.
+    pub struct Request {}
+    also {
+        /// Begin a run, or go on with one.
+        run: Run = Run::New(NewRun::default());
+        /// Where tensors live.
+        device: String = crate::usual::device();
+        /// Further forms in which losses, scores and figures of lenses are written after every step. A run that has them goes on with them.
+        log: Vec<LogForm> = Vec::new();
     }
 }
 
@@ -105,23 +100,18 @@ petzval_base::parameters! {
     }
 }
 
-/// A run to begin.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct NewRun {
-    /// Experiment: a built-in name, the path of a file, or the experiment itself; or the name or path of a lens, for which one is made as `init`
-    /// does.
-    pub experiment: ExperimentInput,
-    /// Folder of the run; `runs/EXPERIMENT-seed-SEED` if none is given, where a file `experiment.toml` is called by its folder, and the name of
-    /// a variant that is made alone stands before the seed.
-    pub out: Option<PathBuf>,
-    /// What differs from the experiment's file.
-    pub changes: Changes,
-}
-
-impl Default for NewRun {
-    fn default() -> Self {
-        Self { experiment: DEFAULT_EXPERIMENT.into(), out: None, changes: Changes::default() }
+petzval_base::parameters! {
+    /// A run to begin.
+    pub struct NewRun {}
+    also {
+        /// Experiment: a built-in name, the path of a file, or the experiment itself; or the name or path of a lens, for which one is made as `init`
+        /// does.
+        experiment: ExperimentInput = DEFAULT_EXPERIMENT.into();
+        /// Folder of the run; `runs/EXPERIMENT-seed-SEED` if none is given, where a file `experiment.toml` is called by its folder, and the name of
+        /// a variant that is made alone stands before the seed.
+        out: Option<PathBuf> = None;
+        /// What differs from the experiment's file.
+        changes: Changes = Changes::default();
     }
 }
 

@@ -38,21 +38,16 @@ pub enum FocusAt {
     Best,
 }
 
-/// A lens to focus.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Lens: a built-in name, the path of a file, or the lens itself.
-    pub lens: LensInput,
-    /// Where its image plane goes.
-    pub focus: FocusAt,
-    /// The file to write, whose ending names the format; none to see the figures alone.
-    pub to: Option<PathBuf>,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Self { lens: LensInput::default(), focus: FocusAt::Best, to: None }
+petzval_base::parameters! {
+    /// A lens to focus.
+    pub struct Request {}
+    also {
+        /// Lens: a built-in name, the path of a file, or the lens itself.
+        lens: LensInput = LensInput::default();
+        /// Where its image plane goes.
+        focus: FocusAt = FocusAt::Best;
+        /// The file to write, whose ending names the format; none to see the figures alone.
+        to: Option<PathBuf> = None;
     }
 }
 

@@ -40,27 +40,22 @@ pub use figures::{
 };
 pub use petzval_lab::psf_calibration::held_out::HeldOutBy;
 
-/// Captures of a pinhole from which to measure PSFs.
-///
-/// Files: `calibration.json`, all figures; `psf-calibration.html`, a page to look at; `psf-calibration.png`, all PSFs on a
-/// sheet; `measured.npy`, float64 `[position, channel, row, column]`; `psf.json`, `psf.npy` (float32) and `illumination.npy`, the bank of PSFs,
-/// which `simulate`, `apply`, `evaluate` and experiments take.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Folder of captures, with `captures.toml`.
-    pub captures: PathBuf,
-    /// Lens to compare with, if any: a built-in name, the path of a file, or the lens itself.
-    pub lens: Option<LensInput>,
-    /// Folder for the results; `psf-calibration` in the folder of captures if it is not given.
-    pub out: Option<PathBuf>,
-    /// Seed of the draws behind the noise floor.
-    pub seed: u64,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Self { captures: PathBuf::new(), lens: None, out: None, seed: crate::usual::seed() }
+petzval_base::parameters! {
+    /// Captures of a pinhole from which to measure PSFs.
+    ///
+    /// Files: `calibration.json`, all figures; `psf-calibration.html`, a page to look at; `psf-calibration.png`, all PSFs on a
+    /// sheet; `measured.npy`, float64 `[position, channel, row, column]`; `psf.json`, `psf.npy` (float32) and `illumination.npy`, the bank of PSFs,
+    /// which `simulate`, `apply`, `evaluate` and experiments take.
+    pub struct Request {}
+    also {
+        /// Folder of captures, with `captures.toml`.
+        captures: PathBuf = PathBuf::new();
+        /// Lens to compare with, if any: a built-in name, the path of a file, or the lens itself.
+        lens: Option<LensInput> = None;
+        /// Folder for the results; `psf-calibration` in the folder of captures if it is not given.
+        out: Option<PathBuf> = None;
+        /// Seed of the draws behind the noise floor.
+        seed: u64 = crate::usual::seed();
     }
 }
 

@@ -35,19 +35,14 @@ const SHOWN_FIELDS: usize = 5;
 /// Turns the seed of a training into that of the lenses on which it is judged.
 const UNSEEN: u64 = 0x756e_7365_656e;
 
-/// What is imitated, and how.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Plan {
-    /// Experiment that gives lens, bounds, sensor and PSFs.
-    pub experiment: String,
-    /// Steps and size of the network.
-    pub training: OpticsTraining,
-}
-
-impl Default for Plan {
-    fn default() -> Self {
-        Self { experiment: DEFAULT_EXPERIMENT.to_owned(), training: OpticsTraining::default() }
+petzval_base::parameters! {
+    /// What is imitated, and how.
+    pub struct Plan {}
+    also {
+        /// Experiment that gives lens, bounds, sensor and PSFs.
+        experiment: String = DEFAULT_EXPERIMENT.to_owned();
+        /// Steps and size of the network.
+        training: OpticsTraining = OpticsTraining::default();
     }
 }
 
