@@ -8,7 +8,7 @@ use petzval_lab::sfr::FREQUENCY_STEP;
 
 use crate::number::{fixed, with_error};
 use crate::page::{Page, caption, facts, figure, section, with_contents};
-use crate::plot::{Axes, Chart, Series, chart_svg, plain};
+use crate::plot::{Chart, Series, chart_svg, plain};
 use crate::rgb_picture::{rgb_picture, shrunk};
 use crate::table::{Column, Row, Table};
 use crate::{palette, png};
@@ -166,9 +166,7 @@ fn sharpness(edges: &[EdgeFigures]) -> Markup {
         x_axis: "frequency, cycles per pixel".to_owned(),
         y_axis: "modulation".to_owned(),
         series: curves,
-        marks: Vec::new(),
-        smooth: false,
-        axes: Axes::FromZero,
+        ..Chart::default()
     };
     let row = |edge: &EdgeFigures| {
         Row::new(
@@ -201,9 +199,7 @@ fn sharpness(edges: &[EdgeFigures]) -> Markup {
         x_axis: "distance from the edge, pixels".to_owned(),
         y_axis: "share of the step".to_owned(),
         series: series.into_iter().enumerate().map(profile).collect(),
-        marks: Vec::new(),
-        smooth: false,
-        axes: Axes::FromZero,
+        ..Chart::default()
     };
     html! {
         (figure(&chart_svg(&chart)))

@@ -131,9 +131,8 @@ fn precision_recall(report: &Report, view: &DetectionView, class: &str) -> Chart
         x_axis: format!("recall, {class}"),
         y_axis: "precision".to_owned(),
         series: view.cameras.iter().enumerate().filter_map(series).collect(),
-        marks: Vec::new(),
-        smooth: false,
         axes: Axes::Shares,
+        ..Chart::default()
     }
 }
 

@@ -48,7 +48,7 @@ pub struct Mark {
 }
 
 /// Curves over one pair of axes.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Chart {
     /// Description of the picture for readers who cannot see it.
     pub alt: String,
@@ -67,11 +67,12 @@ pub struct Chart {
 }
 
 /// What the axes of a chart span. The horizontal one spans the data and the marks, unless something else is said.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Axes {
     /// The vertical one the data; it is logarithmic where they span more than a decade.
     OfData,
     /// The vertical one from zero to the data.
+    #[default]
     FromZero,
     /// Both from 0 to 1, whatever the data span, so that charts can be compared by eye.
     Shares,
