@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::Result;
 
 /// What a job lets a runner of many jobs change in its request. Each part is left out where a job has no such thing.
 ///
@@ -20,7 +20,7 @@ pub struct AsUnit<R> {
 }
 
 /// Finds files behind those that a request names.
-pub(crate) type Behind<R> = fn(&R, &Context) -> Result<Vec<PathBuf>, JobError>;
+pub(crate) type Behind<R> = fn(&R, &Context) -> Result<Vec<PathBuf>>;
 
 impl<R> AsUnit<R> {
     /// A job without a seed that writes nothing.

@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::as_unit::{AsUnit, within};
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::event::WarningKind;
 use crate::results::{check_file, has_ending};
 use crate::run_page::warn_of_missing_pictures;
@@ -58,7 +58,7 @@ pub(crate) const UNIT: AsUnit<Request> = AsUnit {
 };
 
 /// Compares finished runs and writes the page.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     if request.runs.is_empty() {
         return Err(JobError::input("there is no run to compare", "name folders of finished runs"));
     }
@@ -93,7 +93,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 }
 
 /// Refuses runs whose lens, sensor, ISP or networks were edited since: the page shows lenses as the folders hold them, beside scores.
-fn check_inputs(request: &Request, context: &Context, warn: &dyn Fn(&str)) -> Result<(), JobError> {
+fn check_inputs(request: &Request, context: &Context, warn: &dyn Fn(&str)) -> Result<()> {
     // What is said of an experiment and its lens is said once, where the page is made.
     let silent = context.assets.clone().reporting_warnings(Arc::new(|_: &str| ()));
     for run in &request.runs {
@@ -107,7 +107,7 @@ fn check_inputs(request: &Request, context: &Context, warn: &dyn Fn(&str)) -> Re
 }
 
 /// Sees that the names of the results say what they hold.
-fn check_endings(request: &Request) -> Result<(), JobError> {
+fn check_endings(request: &Request) -> Result<()> {
     let Request { out, csv, .. } = request;
     if !["html", "htm"].iter().any(|ending| has_ending(out, ending)) {
         let page = out.with_extension("html");
@@ -143,7 +143,7 @@ fn check_endings(request: &Request) -> Result<(), JobError> {
 }
 
 /// An experiment on the page: the tables of its comparison, and lenses, curves and pictures of its first run.
-fn group(comparison: &Comparison, context: &Context) -> Result<Group, JobError> {
+fn group(comparison: &Comparison, context: &Context) -> Result<Group> {
     let folder = RunFolder::open(&comparison.runs[0])?;
     let experiment = context.assets.experiment_of_run(&folder)?;
     let setup = Setup::without_windows(experiment, &context.assets, context.device("cpu")?)?;

@@ -29,7 +29,7 @@ use serde::{Deserialize, Serialize};
 use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::design::{pictures_now, report_pictures, scorer};
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::event::WarningKind;
 use crate::given_psfs;
 use crate::lens::tolerance::read as read_tolerances;
@@ -141,7 +141,7 @@ pub(crate) const UNIT: AsUnit<Request> = AsUnit {
 
 /// Scores the cameras: lenses by exact tracing, pictures on the held-out photographs. The run folder stays as it is, unless cameras are made
 /// from the designs: then `tolerance.json` is written, and the report with its figures.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     if let Some(made) = &request.made {
         check_ranges(made)?;
     }
@@ -240,7 +240,7 @@ fn without_ceilings(mut kept: Metrics, context: &Context) -> Metrics {
 }
 
 /// Refuses what would trace lenses beside PSFs of a file.
-fn check_given(request: &Request, experiment: &Experiment) -> Result<(), JobError> {
+fn check_given(request: &Request, experiment: &Experiment) -> Result<()> {
     if let (Some(path), Some(_)) = (&request.psfs, request.psf) {
         let hint = "leave one of psfs and psf out";
         return Err(JobError::setting("psfs", path.display(), "not together with rays or waves", hint));
@@ -265,7 +265,7 @@ fn setup(
     (place, given): (Option<&Path>, Option<&Arc<PsfBank>>),
     request: &Request,
     context: &Context,
-) -> Result<(Setup, bool), JobError> {
+) -> Result<(Setup, bool)> {
     let device = || context.device(&request.device);
     let Some(place) = place else {
         check_pictures_are_there(folder, &experiment, context.assets.facts_of(&experiment)?.pictures)?;
@@ -357,7 +357,7 @@ fn largest_difference(rows: &[CameraMetrics], kept: &Metrics) -> (f64, Option<St
 }
 
 /// A camera of a run as it was finished.
-pub(crate) fn camera_of(setup: &Setup, folder: &RunFolder, name: &str) -> Result<Camera, JobError> {
+pub(crate) fn camera_of(setup: &Setup, folder: &RunFolder, name: &str) -> Result<Camera> {
     let (mut exposure, mut isp, mut network) = (setup.exposure(), setup.isp()?, setup.network()?);
     let blocks: [&mut dyn Block; 3] = [&mut exposure, &mut isp, &mut network];
     load_blocks(&folder.camera(name), blocks, Kept::Numbers)?;
@@ -386,7 +386,7 @@ fn make(
     scorer: &Scorer,
     folder: &RunFolder,
     context: &Context,
-) -> Result<MadeMetrics, JobError> {
+) -> Result<MadeMetrics> {
     let setup = scorer.setup();
     let total = (designs.len() * made.trials) as u64;
     let Made { trials, seed, pictures, calibrate, .. } = *made;
@@ -450,7 +450,7 @@ fn make(
 
 impl Made {
     /// The designs whose lenses can be made; a lens without aberrations cannot.
-    fn designs(&self, metrics: &Metrics, folder: &RunFolder) -> Result<Vec<DesignToMake>, JobError> {
+    fn designs(&self, metrics: &Metrics, folder: &RunFolder) -> Result<Vec<DesignToMake>> {
         let mut designs = Vec::new();
         for row in metrics.rows.iter().filter(|row| !row.is_ceiling) {
             let lens = camera_lens(folder, &row.camera)?.lens;
@@ -465,7 +465,7 @@ impl Made {
         Ok(designs)
     }
 
-    fn of_lens(&self, lens: &Lens) -> Result<Tolerances, JobError> {
+    fn of_lens(&self, lens: &Lens) -> Result<Tolerances> {
         let file = match &self.tolerances {
             LensTolerances::Grade(grade) => {
                 ToleranceFile { grade: Some((*grade).into()), ..ToleranceFile::default() }

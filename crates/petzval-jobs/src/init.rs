@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::Result;
 use crate::event::WarningKind;
 use crate::input::{ExperimentInput, Inline, Input, LensInput, SensorInput};
 use crate::own_lens::{OwnLens, own_lens};
@@ -73,7 +73,7 @@ pub(crate) const UNIT: AsUnit<Request> =
 
 /// Writes the files. With a lens of one's own the experiment is fitted to it: its title, focus, sensor, fields, PSFs, requirements and, if the file
 /// names none, variables follow from the lens.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let Request { out, from, lens, sensor, photos, data } = request;
     let (from, context) = from.placed(context)?;
     let (lens, context) = placed(lens.as_ref(), context)?;
@@ -156,21 +156,14 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 }
 
 /// The name of an input that may be left out, and the context in which it is found.
-fn placed<T: Inline>(
-    input: Option<&Input<T>>,
-    context: Context,
-) -> Result<(Option<String>, Context), JobError> {
+fn placed<T: Inline>(input: Option<&Input<T>>, context: Context) -> Result<(Option<String>, Context)> {
     let Some(input) = input else { return Ok((None, context)) };
     let (name, context) = input.placed(&context)?;
     Ok((Some(name), context))
 }
 
 /// An experiment with its own lens, which gets variables if its file names none, and with another sensor if one is named.
-fn as_it_is(
-    mut experiment: Experiment,
-    sensor: Option<&str>,
-    context: &Context,
-) -> Result<OwnLens, JobError> {
+fn as_it_is(mut experiment: Experiment, sensor: Option<&str>, context: &Context) -> Result<OwnLens> {
     let lens = experiment.lens.clone();
     let mut file = context.assets.lens(&lens)?;
     let usual = if file.variables.is_empty() { near_variables(&file.lens, &file.solves()) } else { None };

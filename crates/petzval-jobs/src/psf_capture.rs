@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::{JobError, make_folder};
+use crate::error::{JobError, Result, make_folder};
 use crate::frames::Frames;
 use crate::input::{Input, LensInput, SensorInput};
 use crate::pinhole::{PinholePsf, PinholeView, Refocus};
@@ -135,7 +135,7 @@ pub(crate) const UNIT: AsUnit<Request> = AsUnit {
 };
 
 /// Traces the PSFs, exposes all frames, and writes them with their manifest.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     request.check()?;
     let (lens_name, context) = &request.lens.placed(context)?;
     let (name_of_sensor, context) = &request.sensor.placed(context)?;
@@ -152,7 +152,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         context.check(|| "stopped before any frame was taken")?;
         Ok((radius_mm, view.psf(radius_mm)?))
     });
-    let psfs: Vec<(f64, PinholePsf)> = psfs.collect::<Result<_, JobError>>()?;
+    let psfs: Vec<(f64, PinholePsf)> = psfs.collect::<Result<_>>()?;
     let places = places(request, &psfs, &sensor, context)?;
     let scale = brightness(request, &sensor, &places);
 
@@ -188,7 +188,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 
 impl Request {
     /// Checks that every setting is in its range, and that the folder holds no captures.
-    fn check(&self) -> Result<(), JobError> {
+    fn check(&self) -> Result<()> {
         check_ranges(self)?;
         let is_ascending =
             !self.exposures_ms.is_empty() && self.exposures_ms.windows(2).all(|ms| ms[0] < ms[1]);
@@ -227,7 +227,7 @@ impl Request {
 }
 
 /// The name of the sensor in the manifest. A sensor that is not built in is copied beside the manifest, so that the folder is complete.
-fn sensor_name(request: &Request) -> Result<String, JobError> {
+fn sensor_name(request: &Request) -> Result<String> {
     let text = match &request.sensor {
         Input::Name(name) if !Path::new(name).is_file() => return Ok(name.clone()),
         Input::Name(path) => {
@@ -278,7 +278,7 @@ fn places<'a>(
     psfs: &'a [(f64, PinholePsf)],
     sensor: &SensorModel,
     context: &Context,
-) -> Result<Vec<Place<'a>>, JobError> {
+) -> Result<Vec<Place<'a>>> {
     let mut axes: Vec<Axis> = Vec::new();
     for axis in &request.axes {
         if !axes.contains(axis) {
@@ -384,7 +384,7 @@ fn take_all(
     places: &[Place],
     scale: f64,
     context: &Context,
-) -> Result<Vec<Position>, JobError> {
+) -> Result<Vec<Position>> {
     let progress = Frames::new(context, places.len() * request.frames_of_a_place());
     let noise = Noise { mode: NoiseMode::Exact, seed: request.seed };
     let mut number = 0u64;
@@ -396,7 +396,7 @@ fn take_all(
             WindowLight { rate_e_per_s: day.rate_e_per_s.each_ref().map(|p| vec![0.0; p.len()]), ..day };
         let mut exposure = Vec::new();
         for time_ms in &request.exposures_ms {
-            let mut take = |light: &WindowLight, kind: &str, n: usize| -> Result<String, JobError> {
+            let mut take = |light: &WindowLight, kind: &str, n: usize| -> Result<String> {
                 let raw = take_frame(light, sensor, 1e-3 * time_ms, 1.0, &noise, number)
                     .map_err(DesignError::from)?;
                 number += 1;

@@ -8,7 +8,7 @@ use super::{
     CheckpointConfig, ConstraintConfig, Experiment, ExposureConfig, IspConfig, NetworkConfig, OpticsConfig,
     PsfConfig, ReadingConfig, ScoringConfig, SpotConfig, StreetConfig, TrainingConfig, ValidationConfig,
 };
-use crate::error::DesignError;
+use crate::error::Result;
 
 /// The tables of numbers of an experiment, by name.
 pub(super) fn tables() -> [(&'static str, ParameterTable); 14] {
@@ -31,7 +31,7 @@ pub(super) fn tables() -> [(&'static str, ParameterTable); 14] {
 }
 
 /// [`Experiment::to_toml`] with a comment above each table, and behind each number and each word that is one of several.
-pub fn commented_toml(experiment: &Experiment) -> Result<String, DesignError> {
+pub fn commented_toml(experiment: &Experiment) -> Result<String> {
     let tables = tables();
     let schema = schemars::schema_for!(Experiment).to_value();
     let mut current: Option<&ParameterTable> = None;

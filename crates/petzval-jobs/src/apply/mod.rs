@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use self::cameras::Chosen;
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::{JobError, make_folder, write_file};
+use crate::error::{JobError, Result, make_folder, write_file};
 use crate::results::{check_distinct, check_folder};
 
 pub use self::cameras::{Cameras, Finished, Taking};
@@ -97,7 +97,7 @@ pub(crate) const UNIT: AsUnit<Request> = AsUnit {
 /// Takes the photographs and develops the raw frames. The folder `out` gets `NAME-CAMERA.png` for each, and `NAME-scene.png` of each
 /// photograph as it lies on the sensor, and `NAME-side-by-side.html` with all of them. A task may add files, such as
 /// `NAME-CAMERA-classes.png`. [`Cameras`] gives the same pictures as values.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let stems = stems(&request.images)?;
     let chosen =
         Chosen::new(&request.run, &request.cameras, &request.device, &request.accept_changed, context)?;
@@ -191,7 +191,7 @@ fn page_name(stem: &str) -> String {
 }
 
 /// The names of the pictures without folder and ending; no two are the same.
-fn stems(images: &[PathBuf]) -> Result<Vec<String>, JobError> {
+fn stems(images: &[PathBuf]) -> Result<Vec<String>> {
     let mut stems: Vec<String> = Vec::new();
     for path in images {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -208,7 +208,7 @@ fn stems(images: &[PathBuf]) -> Result<Vec<String>, JobError> {
 }
 
 /// Reads a photograph, laid on the sensor, or a raw frame that fits the sensor.
-fn subject(path: &Path, place: Place, cameras: &Cameras, context: &Context) -> Result<Subject, JobError> {
+fn subject(path: &Path, place: Place, cameras: &Cameras, context: &Context) -> Result<Subject> {
     if is_raw(path) {
         return Ok(Subject::Raw(Box::new(raw_frame(path, cameras.sensor())?)));
     }
@@ -220,6 +220,6 @@ fn subject(path: &Path, place: Place, cameras: &Cameras, context: &Context) -> R
     Ok(Subject::Photo(place.lay(&light, frame)))
 }
 
-fn write_png(path: &Path, encoded: &LinearImage) -> Result<(), JobError> {
+fn write_png(path: &Path, encoded: &LinearImage) -> Result<()> {
     write_file(path, encoded_png_bytes(encoded).map_err(DesignError::from)?)
 }

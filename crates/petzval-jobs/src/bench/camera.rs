@@ -19,7 +19,7 @@ use petzval_optics::pupil::Quadrature;
 
 use super::workload::{Prepared, Workload};
 use crate::built_in::built_in_assets;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::named_isp::isp_by_name;
 
 const FRAME: (usize, usize) = (1200, 1920);
@@ -47,7 +47,7 @@ fn texture(height: usize, width: usize) -> LinearImage {
     image
 }
 
-fn rendering() -> Result<Prepared, JobError> {
+fn rendering() -> Result<Prepared> {
     let lens = built_in_assets().lens("cooke-triplet-nominal")?.lens;
     let quadrature = Quadrature::grid(64).map_err(DesignError::from)?;
     let plan = PsfPlan::new(31, 6.634, [0.62, 0.55, 0.486], PsfOptions::default(), quadrature);
@@ -66,7 +66,7 @@ fn rendering() -> Result<Prepared, JobError> {
 }
 
 /// A raw frame of texture with noise, developed by the automotive ISP, shading and distortion included.
-fn chip(preset: &str) -> Result<Prepared, JobError> {
+fn chip(preset: &str) -> Result<Prepared> {
     let sensor = built_in_assets().sensor("imx249-fitted")?;
     let exposure = Exposure { white_e: 16_000.0, time_s: 0.005, linear_gain: 1.0 };
     let capture = Capture { exposure, placement: ORIGIN, frame: 0 };
@@ -98,7 +98,7 @@ fn chip(preset: &str) -> Result<Prepared, JobError> {
 }
 
 /// A mosaic of texture, demosaiced.
-fn demosaicing(method: Demosaic) -> Result<Prepared, JobError> {
+fn demosaicing(method: Demosaic) -> Result<Prepared> {
     let mosaic = texture(FRAME.0, FRAME.1).plane(1).to_vec();
     Ok(Prepared::new(format!("1200 x 1920 Bayer mosaic, {}", method.name()), move || {
         let picture = method.apply(&mosaic, FRAME.0, FRAME.1, CfaPattern::RGGB, ORIGIN);
@@ -108,7 +108,7 @@ fn demosaicing(method: Demosaic) -> Result<Prepared, JobError> {
 }
 
 /// A frame of an uneven specimen with every noise on, on one thread.
-fn sensor() -> Result<Prepared, JobError> {
+fn sensor() -> Result<Prepared> {
     let nonuniformity = NonUniformity {
         specimen: 1,
         dsnu_pixel_e: 3.0,

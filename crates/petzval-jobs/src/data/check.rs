@@ -16,7 +16,7 @@ use super::memory::{remember, remembered};
 use super::photographs::{checked, photographs_of};
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::{JobError, make_folder};
+use crate::error::{JobError, Result, make_folder};
 use crate::event::WarningKind;
 use crate::input::ExperimentInput;
 use crate::range::check_ranges;
@@ -69,7 +69,7 @@ pub(crate) const UNIT: AsUnit<Request> = AsUnit {
 };
 
 /// Reads and checks annotations and pictures. The folder `out` gets `data.json` (the response) and `data.html`.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     check_ranges(request)?;
     if let Some(out) = &request.out {
         check_folder(out, ["data.html", "data.json"], context)?;
@@ -113,7 +113,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 }
 
 /// The classes of an experiment, which must have some.
-fn classes_of(experiment: &ExperimentInput, context: &Context) -> Result<Classes, JobError> {
+fn classes_of(experiment: &ExperimentInput, context: &Context) -> Result<Classes> {
     let classes = experiment.read(&context.assets)?.classes();
     if classes.is_empty() {
         let hint = "name one that looks for objects, such as pedestrian-vehicle";
@@ -123,7 +123,7 @@ fn classes_of(experiment: &ExperimentInput, context: &Context) -> Result<Classes
 }
 
 /// Pictures with boxes, evenly over the data set; the last is the one with the most.
-fn samples(loaded: &Loaded, most: usize, context: &Context) -> Result<Vec<Sample>, JobError> {
+fn samples(loaded: &Loaded, most: usize, context: &Context) -> Result<Vec<Sample>> {
     let data = &loaded.data;
     let objects = data.objects_of_images();
     let with_boxes: Vec<usize> = (0..data.images.len()).filter(|i| !objects[*i].is_empty()).collect();
@@ -212,6 +212,6 @@ fn sheet(response: &Response, samples: Vec<Sample>) -> DataSheet {
     DataSheet { facts, classes: classes.collect(), defects: defects.collect(), samples }
 }
 
-fn write(path: &Path, bytes: &[u8]) -> Result<(), JobError> {
+fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     write_whole(path, bytes).map_err(|e| DesignError::io(path)(e).into())
 }

@@ -31,7 +31,7 @@ use serde::{Deserialize, Serialize};
 use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::device_check::Gate;
-use crate::error::{JobError, Stopped, json};
+use crate::error::{JobError, Result, Stopped, json};
 use crate::event::WarningKind;
 pub use crate::experiment::DEFAULT_EXPERIMENT;
 use crate::init;
@@ -197,7 +197,7 @@ pub(crate) fn inputs_of(experiment: &Experiment) -> Vec<PathBuf> {
 }
 
 /// Starts or continues a run, until every camera is made and scored. A run that is cancelled leaves a checkpoint.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     run_from(request, context).map_err(|error| match (&request.run, error) {
         // A run that goes on is as it was until it takes a step.
         (Run::Resume(resume), JobError::Stopped(early)) if early.resume.is_none() => {
@@ -207,7 +207,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     })
 }
 
-fn run_from(request: &Request, context: &Context) -> Result<Response, JobError> {
+fn run_from(request: &Request, context: &Context) -> Result<Response> {
     let device = context.device(&request.device)?;
     let mut extension = None;
     let warn = |text: &str| context.warning(WarningKind::ChangedFile, text);
@@ -298,7 +298,7 @@ pub(crate) fn pictures_now<'p>(
     key: PicturesKey,
     photos: Option<&'p Path>,
     data: Option<&'p Path>,
-) -> Result<Option<&'p Path>, JobError> {
+) -> Result<Option<&'p Path>> {
     let there = match (key, photos, data) {
         (PicturesKey::Data, Some(photos), _) => {
             let hint = "its pictures have labels: name them with --data";
@@ -330,7 +330,7 @@ pub(crate) fn pictures_now<'p>(
 }
 
 /// Notes where the pictures of a run are now, for the next time.
-fn remember_pictures(now: Inputs, folder: &RunFolder) -> Result<(), JobError> {
+fn remember_pictures(now: Inputs, folder: &RunFolder) -> Result<()> {
     let Some(then) = InputList::read(folder)? else { return Ok(()) };
     let place = |list: &InputList| list.pictures.as_ref().map(|pictures| pictures.place.clone());
     if place(&then) != place(&now.list) {
@@ -340,7 +340,7 @@ fn remember_pictures(now: Inputs, folder: &RunFolder) -> Result<(), JobError> {
 }
 
 /// Warns where another instruction set goes on with a run: its rounding differs in the last digits.
-fn warn_of_another_level(folder: &RunFolder, context: &Context) -> Result<(), JobError> {
+fn warn_of_another_level(folder: &RunFolder, context: &Context) -> Result<()> {
     let path = folder.environment();
     if !path.is_file() {
         return Ok(());
@@ -372,13 +372,13 @@ pub struct LookRequest {
 }
 
 /// As [`look`].
-pub fn look_at(request: &LookRequest, context: &Context) -> Result<FirstLook, JobError> {
+pub fn look_at(request: &LookRequest, context: &Context) -> Result<FirstLook> {
     look(&request.run, &request.device, context)
 }
 
 /// Looks at the experiment of a new run, as before its first step: what its lenses show on its sensor, what they violate, how its photographs fit, and
 /// how many steps it takes. Nothing is written.
-pub fn look(new: &NewRun, device: &str, context: &Context) -> Result<FirstLook, JobError> {
+pub fn look(new: &NewRun, device: &str, context: &Context) -> Result<FirstLook> {
     let (setup, mut look, _) = looked_at(new, context.device(device)?, context)?;
     look.warnings.extend(report_pictures(&setup, context));
     Ok(look)
@@ -386,11 +386,7 @@ pub fn look(new: &NewRun, device: &str, context: &Context) -> Result<FirstLook, 
 
 /// Makes the experiment of a new run ready and checks it before the first step. Returns it with the findings and with the context in which
 /// its lens and sensor are found. Every warning is reported.
-fn looked_at(
-    new: &NewRun,
-    device: Device,
-    context: &Context,
-) -> Result<(Setup, FirstLook, Context), JobError> {
+fn looked_at(new: &NewRun, device: Device, context: &Context) -> Result<(Setup, FirstLook, Context)> {
     let (experiment, own) = prepared(new, context)?;
     check_root(new, &experiment, context)?;
     let setup = set_up(experiment, device, &own)?;
@@ -409,7 +405,7 @@ fn looked_at(
 }
 
 /// Everything that the experiment needs. Every picture of a data set is decoded to find damaged ones, which takes minutes for thousands of them.
-fn set_up(experiment: Experiment, device: Device, context: &Context) -> Result<Setup, JobError> {
+fn set_up(experiment: Experiment, device: Device, context: &Context) -> Result<Setup> {
     if experiment.data != STREET {
         context.note(format!("checking every picture of {}", experiment.data));
     }
@@ -446,11 +442,7 @@ fn report_weights(setup: &Setup, context: &Context) {
 
 /// The record of a run and the experiment to go on with, which is longer where the request extends it. A `config.toml` that differs
 /// from the record is refused.
-fn resumed(
-    resume: &Resume,
-    folder: &RunFolder,
-    context: &Context,
-) -> Result<(RunRecord, Experiment), JobError> {
+fn resumed(resume: &Resume, folder: &RunFolder, context: &Context) -> Result<(RunRecord, Experiment)> {
     check_ranges(resume)?;
     let found = context.assets.config_of_run(folder)?;
     let record = RunRecord::read(folder)?.ok_or_else(|| {
@@ -478,19 +470,19 @@ fn resumed(
 }
 
 /// What scores the cameras of an experiment.
-pub(crate) fn scorer(setup: Setup) -> Result<Scorer, JobError> {
+pub(crate) fn scorer(setup: Setup) -> Result<Scorer> {
     Ok(Scorer::new(Arc::new(setup))?)
 }
 
 /// The experiment of a new run, complete: every default and every change is in it.
 ///
 /// Paths are made absolute, so that its text can be run again from any folder.
-pub fn resolved(new: &NewRun, context: &Context) -> Result<Experiment, JobError> {
+pub fn resolved(new: &NewRun, context: &Context) -> Result<Experiment> {
     Ok(prepared(new, context)?.0)
 }
 
 /// The experiment of a new run, see [`resolved`], and the folder that the run would have.
-pub(crate) fn config_of(new: &NewRun, context: &Context) -> Result<(Experiment, PathBuf), JobError> {
+pub(crate) fn config_of(new: &NewRun, context: &Context) -> Result<(Experiment, PathBuf)> {
     let experiment = resolved(new, context)?;
     let folder = root_of(new, &experiment);
     Ok((experiment, folder))
@@ -498,7 +490,7 @@ pub(crate) fn config_of(new: &NewRun, context: &Context) -> Result<(Experiment, 
 
 /// The experiment of a new run, and the context in which its lens and sensor are found. If the request names a lens in place of an
 /// experiment, lens and experiment are fitted to each other as by `init`; they are then in no file.
-pub(crate) fn prepared(new: &NewRun, context: &Context) -> Result<(Experiment, Context), JobError> {
+pub(crate) fn prepared(new: &NewRun, context: &Context) -> Result<(Experiment, Context)> {
     let (name, context) = &new.experiment.placed(context)?;
     let is_built_in =
         ["experiments", "lenses"].iter().any(|folder| context.assets.names(folder).contains(&name.as_str()));
@@ -529,7 +521,7 @@ pub(crate) fn prepared(new: &NewRun, context: &Context) -> Result<(Experiment, C
 }
 
 /// Refuses a folder in place of an experiment, and says how to go on with the run or the experiment in it.
-fn check_is_no_folder(path: &Path) -> Result<(), JobError> {
+fn check_is_no_folder(path: &Path) -> Result<()> {
     if !path.is_dir() {
         return Ok(());
     }
@@ -544,7 +536,7 @@ fn check_is_no_folder(path: &Path) -> Result<(), JobError> {
 }
 
 /// An experiment with the changes of a request.
-fn changed(mut experiment: Experiment, changes: &Changes, context: &Context) -> Result<Experiment, JobError> {
+fn changed(mut experiment: Experiment, changes: &Changes, context: &Context) -> Result<Experiment> {
     check_ranges(changes)?;
     check_said_once(changes)?;
     let facts = context.assets.facts_of(&experiment)?;
@@ -587,7 +579,7 @@ fn changed(mut experiment: Experiment, changes: &Changes, context: &Context) -> 
 }
 
 /// Refuses settings of keys for which the request has a field that is used.
-fn check_said_once(changes: &Changes) -> Result<(), JobError> {
+fn check_said_once(changes: &Changes) -> Result<()> {
     let Changes { seed, photos, data, steps, is_full, set, .. } = changes;
     let fields = [
         ("seed", seed.is_some(), &["seed"][..]),
@@ -611,7 +603,7 @@ fn check_said_once(changes: &Changes) -> Result<(), JobError> {
 }
 
 /// Sees that a new run can have its folder. A folder that the request leaves out may hold a run, so that its experiment can be looked at again.
-fn check_root(new: &NewRun, experiment: &Experiment, context: &Context) -> Result<(), JobError> {
+fn check_root(new: &NewRun, experiment: &Experiment, context: &Context) -> Result<()> {
     let root = root_of(new, experiment);
     // A run is opened again by this text.
     path_text(&root)?;

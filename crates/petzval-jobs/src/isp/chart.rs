@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::{JobError, make_folder, write_file};
+use crate::error::{JobError, Result, make_folder, write_file};
 use crate::named_isp::isp_by_name;
 use crate::results::{check_folder, what_is};
 use crate::simulate;
@@ -85,7 +85,7 @@ pub(crate) const UNIT: AsUnit<Request> = AsUnit {
 };
 
 /// Takes, develops and measures the chart. The folder `out` gets `chart.json` (the response), `chart.png` and `chart.html`.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     check_folder(&request.out, ["chart.png", "chart.html", "chart.json"], context)?;
     let mut isp = isp_by_name(&request.isp, &context.assets, context.cancel())?;
     isp.set(&request.set)?;

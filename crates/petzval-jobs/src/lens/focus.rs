@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use super::convert::write_as_named;
 use crate::as_unit::{AsUnit, within};
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::input::LensInput;
 
 /// Pupil cells a side of the best focus.
@@ -77,7 +77,7 @@ pub(crate) const UNIT: AsUnit<Request> = AsUnit {
 };
 
 /// Focuses the lens, and writes it if a file is named.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let (name, context) = &request.lens.placed(context)?;
     let file = context.assets.lens(name)?;
     let before = file.lens.clone();
@@ -116,7 +116,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 }
 
 /// The lens with its image plane there.
-pub(super) fn focused(lens: Lens, focus: FocusAt) -> Result<Lens, JobError> {
+pub(super) fn focused(lens: Lens, focus: FocusAt) -> Result<Lens> {
     let refused = |said: &str| {
         let name = if focus == FocusAt::Best { "best" } else { "paraxial" };
         JobError::setting("focus", name, said, "--focus file leaves the image plane where the file puts it")
@@ -224,7 +224,7 @@ pub(super) fn no_image(lens: &Lens) -> Option<NoImage> {
 const PARALLEL_LIGHT: &str = "a thin lens of known focal length behind it makes an image of parallel light";
 
 /// Refuses a lens that has no entrance pupil or no image at a finite distance.
-pub(super) fn check_image(name: &str, lens: &Lens) -> Result<(), JobError> {
+pub(super) fn check_image(name: &str, lens: &Lens) -> Result<()> {
     no_image(lens)
         .map_or(Ok(()), |NoImage { reason, hint }| Err(JobError::input(format!("{name}: {reason}"), hint)))
 }

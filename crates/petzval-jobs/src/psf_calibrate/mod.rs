@@ -27,7 +27,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::{JobError, json, make_folder};
+use crate::error::{JobError, Result, json, make_folder};
 use crate::event::WarningKind;
 use crate::frames::Frames;
 use crate::input::LensInput;
@@ -126,7 +126,7 @@ impl Measurement {
 }
 
 /// Measures every position and fits the bank; writes nothing.
-pub fn measurement(request: &Request, context: &Context) -> Result<Measurement, JobError> {
+pub fn measurement(request: &Request, context: &Context) -> Result<Measurement> {
     Captured::read(request)?.measured(request, context)
 }
 
@@ -138,7 +138,7 @@ pub(crate) const UNIT: AsUnit<Request> = AsUnit {
 };
 
 /// Measures every position, fits the bank, and writes the results.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let captured = Captured::read(request)?;
     let out = request.out.clone().unwrap_or_else(|| request.captures.join("psf-calibration"));
     check_folder(
@@ -160,13 +160,13 @@ struct Captured {
 }
 
 impl Captured {
-    fn read(request: &Request) -> Result<Self, JobError> {
+    fn read(request: &Request) -> Result<Self> {
         let folder = &request.captures;
         let (manifest, text, path) = read_manifest(folder).map_err(described_in(folder))?;
         Ok(Self { manifest, text, path })
     }
 
-    fn measured(&self, request: &Request, context: &Context) -> Result<Measurement, JobError> {
+    fn measured(&self, request: &Request, context: &Context) -> Result<Measurement> {
         let Self { manifest, text, path } = self;
         let folder = &request.captures;
         let sensor = sensor(manifest, text, path, &context.assets)?;
@@ -202,7 +202,7 @@ fn measure(
     sensor: &SensorModel,
     view: Option<&PinholeView>,
     context: &Context,
-) -> Result<(Vec<Compared>, PsfBank, Vec<FieldEstimate>), JobError> {
+) -> Result<(Vec<Compared>, PsfBank, Vec<FieldEstimate>)> {
     let folder = &request.captures;
     let exposures = manifest.position.iter().flat_map(|p| &p.exposure);
     let progress =
@@ -260,7 +260,7 @@ fn measure(
 }
 
 /// The sensor that the manifest names: a file beside it, or a built-in one.
-fn sensor(manifest: &Manifest, text: &str, path: &Path, assets: &Assets) -> Result<SensorModel, JobError> {
+fn sensor(manifest: &Manifest, text: &str, path: &Path, assets: &Assets) -> Result<SensorModel> {
     let beside = path.parent().unwrap_or(Path::new("")).join(&manifest.sensor);
     let name = if beside.is_file() { path_text(&beside)? } else { manifest.sensor.clone() };
     assets.sensor(&name).map_err(|error| match error {
@@ -279,7 +279,7 @@ fn view(
     manifest: &Manifest,
     sensor: &SensorModel,
     assets: &Library,
-) -> Result<PinholeView, JobError> {
+) -> Result<PinholeView> {
     let lens = lens.read(assets)?.lens;
     let source = &manifest.source;
     let distance_mm = source.distance_mm.as_ref().map(|mm| *mm.get_ref());
@@ -342,9 +342,9 @@ fn limits(fields: &[FieldEstimate]) -> String {
 }
 
 /// Writes every file of the results into a folder.
-pub fn keep(measurement: &Measurement, out: &Path, context: &Context) -> Result<(), JobError> {
+pub fn keep(measurement: &Measurement, out: &Path, context: &Context) -> Result<()> {
     make_folder(out)?;
-    let write = |name: &str, what: &str, bytes: &[u8]| -> Result<(), JobError> {
+    let write = |name: &str, what: &str, bytes: &[u8]| -> Result<()> {
         let path = out.join(name);
         write_whole(&path, bytes).map_err(DesignError::io(&path))?;
         context.wrote(path, what);
