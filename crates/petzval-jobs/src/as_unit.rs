@@ -25,6 +25,16 @@ pub(crate) type Behind<R> = fn(&R, &Context) -> Result<Vec<PathBuf>>;
 impl<R> AsUnit<R> {
     /// A job without a seed that writes nothing.
     pub(crate) const PLAIN: Self = Self { seed: None, place: None, going_on: None, behind: None };
+
+    /// A job without a seed that writes into a folder, or below it.
+    pub(crate) const fn placed(place: fn(&mut R, &Path)) -> Self {
+        Self { place: Some(place), ..Self::PLAIN }
+    }
+
+    /// The same for a job with a seed.
+    pub(crate) const fn seeded(seed: fn(&mut R, u64), place: fn(&mut R, &Path)) -> Self {
+        Self { seed: Some(seed), ..Self::placed(place) }
+    }
 }
 
 /// A file in a folder, with the name of another path; `named` where that has none.

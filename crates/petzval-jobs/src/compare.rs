@@ -3,8 +3,6 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use petzval_base::write_whole;
-use petzval_design::error::DesignError;
 use petzval_design::inputs::check_parts_or_accepted;
 use petzval_design::report::comparison::{ComparedDifference, Comparison, compare, comparison_csv};
 use petzval_design::report::run_report::report_of_run;
@@ -19,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::as_unit::{AsUnit, within};
 use crate::context::Context;
-use crate::error::{JobError, Result};
+use crate::error::{JobError, Result, write_file};
 use crate::event::WarningKind;
 use crate::results::{check_file, has_ending};
 use crate::run_page::warn_of_missing_pictures;
@@ -52,10 +50,8 @@ pub struct Response {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    place: Some(|request, folder| request.out = within(folder, &request.out, "comparison.html")),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit::placed(|request, folder| request.out = within(folder, &request.out, "comparison.html"));
 
 /// Compares finished runs and writes the page.
 pub fn run(request: &Request, context: &Context) -> Result<Response> {
@@ -75,11 +71,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         groups.push(group(comparison, context)?);
     }
     let differences = differences(&comparisons);
-    write_whole(&request.out, page(differences.as_ref(), &groups).as_bytes())
-        .map_err(DesignError::io(&request.out))?;
+    write_file(&request.out, page(differences.as_ref(), &groups))?;
     context.wrote(&request.out, "page");
     if let Some(path) = &request.csv {
-        write_whole(path, comparison_csv(&comparisons).as_bytes()).map_err(DesignError::io(path))?;
+        write_file(path, comparison_csv(&comparisons))?;
         context.wrote(path, "table");
     }
     let of_group = |group: &Group| {

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use petzval_base::{pasted, write_whole};
+use petzval_base::pasted;
 use petzval_camera::develop::Demosaic;
 use petzval_camera::sensor::Colour;
 use petzval_design::error::DesignError;
@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::Result;
+use crate::error::{Result, write_file};
 use crate::event::WarningKind;
 use crate::input::{ExperimentInput, Inline, Input, LensInput, SensorInput};
 use crate::own_lens::{OwnLens, own_lens};
@@ -68,8 +68,7 @@ pub struct Response {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> =
-    AsUnit { place: Some(|request, folder| request.out = folder.to_owned()), ..AsUnit::PLAIN };
+pub(crate) const UNIT: AsUnit<Request> = AsUnit::placed(|request, folder| request.out = folder.to_owned());
 
 /// Writes the files. With a lens of one's own the experiment is fitted to it: its title, focus, sensor, fields, PSFs, requirements and, if the file
 /// names none, variables follow from the lens.
@@ -134,7 +133,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     std::fs::create_dir_all(out).map_err(DesignError::io(out))?;
     let path = |name: &str| out.join(name);
     for (name, text) in [(LENS, &lens_text), (SENSOR, &sensor_text), (EXPERIMENT, &text)] {
-        write_whole(&path(name), text.as_bytes()).map_err(DesignError::io(&path(name)))?;
+        write_file(&path(name), text)?;
         context.wrote(
             path(name),
             if name == LENS {

@@ -158,8 +158,7 @@ pub fn bank(request: &Request, context: &Context) -> Result<Bank> {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> =
-    AsUnit { place: Some(|request, folder| request.out = folder.to_owned()), ..AsUnit::PLAIN };
+pub(crate) const UNIT: AsUnit<Request> = AsUnit::placed(|request, folder| request.out = folder.to_owned());
 
 /// Computes the PSFs, and keeps them as files.
 pub fn run(request: &Request, context: &Context) -> Result<Response> {

@@ -3,7 +3,6 @@
 use std::f64::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
 
-use petzval_base::write_whole;
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Noise, NoiseMode, SensorModel};
 use petzval_design::error::DesignError;
@@ -19,7 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::{JobError, Result, make_folder};
+use crate::error::{JobError, Result, make_folder, write_file};
 use crate::frames::Frames;
 use crate::input::{Input, LensInput, SensorInput};
 use crate::pinhole::{PinholePsf, PinholeView, Refocus};
@@ -128,11 +127,8 @@ pub struct CapturedPosition {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    seed: Some(|request, seed| request.seed = seed),
-    place: Some(|request, folder| request.out = folder.to_owned()),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit::seeded(|request, seed| request.seed = seed, |request, folder| request.out = folder.to_owned());
 
 /// Traces the PSFs, exposes all frames, and writes them with their manifest.
 pub fn run(request: &Request, context: &Context) -> Result<Response> {
@@ -172,7 +168,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let path = request.out.join(MANIFEST_FILE);
     let text = manifest.to_toml().map_err(|e| JobError::failed(format!("{}: {e}", path.display())))?;
     let head = format!("# Simulated: {} through {}.\n", sensor.name, lens.name);
-    write_whole(&path, format!("{head}{text}").as_bytes()).map_err(DesignError::io(&path))?;
+    write_file(&path, format!("{head}{text}"))?;
     context.wrote(&path, "list of captures");
     Ok(Response {
         frames: places.len() * request.frames_of_a_place(),
@@ -236,7 +232,7 @@ fn sensor_name(request: &Request) -> Result<String> {
         Input::Inline(sensor) => sensor.toml.clone().into_bytes(),
     };
     let copy = request.out.join("sensor.toml");
-    write_whole(&copy, &text).map_err(DesignError::io(&copy))?;
+    write_file(&copy, &text)?;
     Ok("sensor.toml".to_owned())
 }
 

@@ -74,12 +74,9 @@ pub struct WeightRow {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    place: Some(|request, folder| {
-        request.to = request.to.as_ref().map(|to| within(folder, to, "weights.safetensors"));
-    }),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> = AsUnit::placed(|request, folder| {
+    request.to = request.to.as_ref().map(|to| within(folder, to, "weights.safetensors"));
+});
 
 /// Reads the weights, and writes them if a file is named.
 pub fn run(request: &Request, context: &Context) -> Result<Response> {

@@ -88,11 +88,8 @@ enum Subject {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    seed: Some(|request, seed| request.seed = seed),
-    place: Some(|request, folder| request.out = folder.to_owned()),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit::seeded(|request, seed| request.seed = seed, |request, folder| request.out = folder.to_owned());
 
 /// Takes the photographs and develops the raw frames. The folder `out` gets `NAME-CAMERA.png` for each, and `NAME-scene.png` of each
 /// photograph as it lies on the sensor, and `NAME-side-by-side.html` with all of them. A task may add files, such as

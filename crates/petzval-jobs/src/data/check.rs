@@ -1,9 +1,7 @@
 //! `data check`: what a data set holds, and what is wrong with it.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use petzval_base::write_whole;
-use petzval_design::error::DesignError;
 use petzval_files::coco::{Annotation, Attribute, Defect, Loaded, Severity, Statistics, load_coco};
 use petzval_files::{CheckedPictures, load_image};
 use petzval_learn::dataset::Classes;
@@ -16,7 +14,7 @@ use super::memory::{remember, remembered};
 use super::photographs::{checked, photographs_of};
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::{JobError, Result, make_folder};
+use crate::error::{JobError, Result, make_folder, write_file};
 use crate::event::WarningKind;
 use crate::input::ExperimentInput;
 use crate::range::check_ranges;
@@ -63,10 +61,8 @@ pub struct Response {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    place: Some(|request, folder| request.out = request.out.take().map(|_| folder.to_owned())),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit::placed(|request, folder| request.out = request.out.take().map(|_| folder.to_owned()));
 
 /// Reads and checks annotations and pictures. The folder `out` gets `data.json` (the response) and `data.html`.
 pub fn run(request: &Request, context: &Context) -> Result<Response> {
@@ -103,11 +99,11 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let path = out.join("data.html");
     response.page = Some(path.clone());
     let samples = samples(&loaded, request.samples, context)?;
-    write(&path, page(&sheet(&response, samples)).as_bytes())?;
+    write_file(&path, page(&sheet(&response, samples)))?;
     context.wrote(&path, "page");
     let json = serde_json::to_string_pretty(&response).map_err(|e| JobError::failed(e.to_string()))?;
     let path = out.join("data.json");
-    write(&path, json.as_bytes())?;
+    write_file(&path, json)?;
     context.wrote(path, "figures");
     Ok(response)
 }
@@ -210,8 +206,4 @@ fn sheet(response: &Response, samples: Vec<Sample>) -> DataSheet {
             .collect(),
     });
     DataSheet { facts, classes: classes.collect(), defects: defects.collect(), samples }
-}
-
-fn write(path: &Path, bytes: &[u8]) -> Result<()> {
-    write_whole(path, bytes).map_err(|e| DesignError::io(path)(e).into())
 }

@@ -49,8 +49,7 @@ pub struct Response {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> =
-    AsUnit { place: Some(|request, folder| request.out = folder.to_owned()), ..AsUnit::PLAIN };
+pub(crate) const UNIT: AsUnit<Request> = AsUnit::placed(|request, folder| request.out = folder.to_owned());
 
 /// Converts a data set. The annotations are written last: a folder that has them is complete.
 pub fn run(request: &Request, context: &Context) -> Result<Response> {

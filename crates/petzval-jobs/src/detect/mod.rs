@@ -97,10 +97,8 @@ struct Looked {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    place: Some(|request, folder| request.out = request.out.take().map(|_| folder.to_owned())),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit::placed(|request, folder| request.out = request.out.take().map(|_| folder.to_owned()));
 
 /// Detects objects in pictures, for a camera of a run at their own size.
 ///

@@ -152,8 +152,7 @@ fn values(request: &Request, named: &NamedIsp, shots: &Shots<'_>, context: &Cont
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> =
-    AsUnit { place: Some(|request, folder| request.out = folder.to_owned()), ..AsUnit::PLAIN };
+pub(crate) const UNIT: AsUnit<Request> = AsUnit::placed(|request, folder| request.out = folder.to_owned());
 
 /// Develops every frame, and keeps the pictures. All inputs are read before the first picture is written.
 pub fn run(request: &Request, context: &Context) -> Result<Response> {

@@ -142,7 +142,7 @@ pub fn analysis(request: &Request, context: &Context) -> Result<Analysis> {
 
 /// As a unit of work.
 pub(crate) const UNIT: AsUnit<Request> =
-    AsUnit { place: Some(|request, folder| request.out = Some(folder.to_owned())), ..AsUnit::PLAIN };
+    AsUnit::placed(|request, folder| request.out = Some(folder.to_owned()));
 
 /// Analyses the lens and writes the files.
 pub fn run(request: &Request, context: &Context) -> Result<Response> {

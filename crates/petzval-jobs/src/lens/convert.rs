@@ -45,10 +45,8 @@ pub struct Response {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    place: Some(|request, folder| request.to = within(folder, &request.to, "lens.toml")),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit::placed(|request, folder| request.to = within(folder, &request.to, "lens.toml"));
 
 /// Reads the lens and writes it in the other format. A lens that would bend light otherwise there is refused.
 pub fn run(request: &Request, context: &Context) -> Result<Response> {

@@ -71,10 +71,9 @@ pub struct Response {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    place: Some(|request, folder| request.to = request.to.as_ref().map(|to| within(folder, to, "lens.toml"))),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> = AsUnit::placed(|request, folder| {
+    request.to = request.to.as_ref().map(|to| within(folder, to, "lens.toml"))
+});
 
 /// Focuses the lens, and writes it if a file is named.
 pub fn run(request: &Request, context: &Context) -> Result<Response> {

@@ -5,7 +5,7 @@ mod figures;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use petzval_base::{FileError, write_whole};
+use petzval_base::FileError;
 use petzval_camera::image::CHANNELS;
 use petzval_camera::psf::PsfBank;
 use petzval_camera::sensor::SensorModel;
@@ -27,7 +27,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::{JobError, Result, json, make_folder};
+use crate::error::{JobError, Result, json, make_folder, write_file};
 use crate::event::WarningKind;
 use crate::frames::Frames;
 use crate::input::LensInput;
@@ -131,11 +131,10 @@ pub fn measurement(request: &Request, context: &Context) -> Result<Measurement> 
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    seed: Some(|request, seed| request.seed = seed),
-    place: Some(|request, folder| request.out = Some(folder.to_owned())),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> = AsUnit::seeded(
+    |request, seed| request.seed = seed,
+    |request, folder| request.out = Some(folder.to_owned()),
+);
 
 /// Measures every position, fits the bank, and writes the results.
 pub fn run(request: &Request, context: &Context) -> Result<Response> {
@@ -346,7 +345,7 @@ pub fn keep(measurement: &Measurement, out: &Path, context: &Context) -> Result<
     make_folder(out)?;
     let write = |name: &str, what: &str, bytes: &[u8]| -> Result<()> {
         let path = out.join(name);
-        write_whole(&path, bytes).map_err(DesignError::io(&path))?;
+        write_file(&path, bytes)?;
         context.wrote(path, what);
         Ok(())
     };

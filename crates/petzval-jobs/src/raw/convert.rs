@@ -60,10 +60,8 @@ pub struct Response {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    place: Some(|request, folder| request.output = within(folder, &request.output, "raw.tiff")),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit::placed(|request, folder| request.output = within(folder, &request.output, "raw.tiff"));
 
 /// Reads the frame and writes it, with its sidecar.
 pub fn run(request: &Request, context: &Context) -> Result<Response> {

@@ -145,10 +145,8 @@ pub fn edges(request: &Request, name: &str, pixels: Pixels<'_>, context: &Contex
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    place: Some(|request, folder| request.out = request.out.take().map(|_| folder.to_owned())),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit::placed(|request, folder| request.out = request.out.take().map(|_| folder.to_owned()));
 
 /// Reads the frame, measures its edges, and writes the files.
 pub fn run(request: &Request, context: &Context) -> Result<Response> {

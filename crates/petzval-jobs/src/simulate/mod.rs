@@ -57,11 +57,8 @@ pub fn frames_of(request: &Request, memory: InMemory<'_>, context: &Context) -> 
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    seed: Some(|request, seed| request.seed = seed),
-    place: Some(|request, folder| request.out = folder.to_owned()),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit::seeded(|request, seed| request.seed = seed, |request, folder| request.out = folder.to_owned());
 
 /// Takes and develops all images, and writes raw frames and pictures.
 pub fn run(request: &Request, context: &Context) -> Result<Response> {

@@ -3,13 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use petzval_base::write_whole;
 use petzval_design::error::DesignError;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::error::{JobError, Result, json, make_folder};
+use crate::error::{JobError, Result, json, make_folder, write_file};
 
 /// Steps between two records of the losses, and between two states from which training can continue.
 const RECORD_EVERY: usize = 50;
@@ -184,9 +183,9 @@ impl TrainingFolder {
     /// Keeps a state. The record comes last and names the files by its step, so that a folder always holds one whole state.
     fn keep(&self, kept: &impl Serialize, step: usize, state: &[Vec<u8>; 2]) -> Result<()> {
         for (path, bytes) in self.parts(step).iter().zip(state) {
-            write_whole(path, bytes).map_err(DesignError::io(path))?;
+            write_file(path, bytes)?;
         }
-        write_whole(&self.training(), json(kept)?.as_bytes()).map_err(DesignError::io(&self.training()))?;
+        write_file(&self.training(), json(kept)?)?;
         self.remove_states_but(step)
     }
 
@@ -218,7 +217,7 @@ impl TrainingFolder {
         let first = weights.into_iter().chain([(self.page(), page.as_bytes())]);
         let last = (self.description(), text.as_bytes());
         for (path, bytes) in first.chain(others).chain([last]) {
-            write_whole(&path, bytes).map_err(DesignError::io(&path))?;
+            write_file(&path, bytes)?;
             context.wrote(&path, if path == self.page() { "page" } else { "network" });
         }
         Ok(())

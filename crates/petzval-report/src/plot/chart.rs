@@ -104,14 +104,12 @@ pub fn chart_svg(chart: &Chart) -> String {
     let keys = series.iter().filter(|s| !s.name.is_empty()).map(|s| Key::pen(line(s), s.name.clone()));
     Sheet {
         class: "chart",
-        title: String::new(),
-        remark: String::new(),
         keys: keys.chain(marks.iter().map(|mark| Key::pen(upright(mark), mark.name.clone()))).collect(),
         alt: chart.alt.clone(),
         width: WIDTH_PX,
         height: ABOVE_PX + FIELD_PX + BELOW_PX,
         body: frame.draw(Names { head: "", x: &chart.x_axis, y: &chart.y_axis }, &curves),
-        foot: Vec::new(),
+        ..Sheet::default()
     }
     .svg()
 }

@@ -3,13 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use petzval_base::simd::level;
-use petzval_base::write_whole;
-use petzval_design::error::DesignError;
 use petzval_design::evolution::Evolution;
 use serde::{Deserialize, Serialize};
 
 use super::plan::Plan;
-use crate::error::{JobError, Result, json, make_folder};
+use crate::error::{JobError, Result, json, make_folder, write_file};
 
 /// All that a search needs to continue.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -136,7 +134,7 @@ impl TuneFolder {
         for (path, text) in
             [(self.tuned(), tuned), (self.history(), &json(&kept.history)?), (self.state(), &state)]
         {
-            write_whole(&path, text.as_bytes()).map_err(DesignError::io(&path))?;
+            write_file(&path, text)?;
         }
         Ok(())
     }

@@ -260,11 +260,10 @@ pub fn lens_of_trial(request: &Request, number: usize, context: &Context) -> Res
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    seed: Some(|request, seed| request.seed = seed),
-    place: Some(|request, folder| request.out = request.out.take().map(|_| folder.to_owned())),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> = AsUnit::seeded(
+    |request, seed| request.seed = seed,
+    |request, folder| request.out = request.out.take().map(|_| folder.to_owned()),
+);
 
 /// Finds the sensitivities, makes the random lenses, and writes the results.
 ///
