@@ -10,6 +10,7 @@ use crate::cli::choice::choice;
 use crate::cli::code::Code;
 use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
+use crate::cli::number::figure;
 use crate::cli::terminal::{Terminal, print_json};
 
 /// Show a lens: a file, or the name of a built-in one.
@@ -76,11 +77,6 @@ fn prescription(name: &str, surfaces: &[Surface]) -> String {
         }
     }
     out
-}
-
-/// A figure with a number of decimals; a dash if it does not exist.
-fn figure(value: Option<f64>, decimals: usize) -> String {
-    value.map_or_else(|| "-".to_owned(), |value| format!("{value:.decimals$}"))
 }
 
 fn print(response: &Response) {
