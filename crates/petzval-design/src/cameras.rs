@@ -24,7 +24,7 @@ use petzval_optics::psf::PerfectImage;
 use crate::assets::Assets;
 use crate::camera::optics_proxy::{ProxyOptics, read_proxy_optics};
 use crate::camera::{Body, Camera, Chip, PsfErrors, PsfSource, Psfs, SameTime};
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{
     BlockName, Experiment, ExposureSetting, FieldOfView, OF_THE_WHOLE_FRAME, PsfsBy, SameOf, Stage,
     StepMethod, TaskFacts, Variant, places_of,
@@ -69,12 +69,7 @@ pub struct Cameras {
 
 impl Cameras {
     /// Resolves an experiment against the built-in library and the file system.
-    pub fn new(
-        experiment: Experiment,
-        facts: &TaskFacts,
-        assets: &Assets,
-        device: Device,
-    ) -> Result<Self, DesignError> {
+    pub fn new(experiment: Experiment, facts: &TaskFacts, assets: &Assets, device: Device) -> Result<Self> {
         let sensor = assets.sensor(&experiment.sensor)?;
         let psf = &experiment.psf;
         let geometry = psf.geometry(&sensor);
@@ -188,7 +183,7 @@ impl Cameras {
 
     /// The same cameras with these PSFs in place of those of their lenses. They form the images, and development and restoration know them: a camera
     /// whose PSFs were measured is calibrated by them.
-    pub fn with_psfs(self, bank: Arc<PsfBank>) -> Result<Self, DesignError> {
+    pub fn with_psfs(self, bank: Arc<PsfBank>) -> Result<Self> {
         // Windows of scenes reach as far beyond what is exposed as the PSFs do.
         let margin = kernel_radius(&self.body.geometry, &bank.layout()).map_err(|e| {
             let hint = "grid and pitch_um of the file make the PSF, pixel_um the pixels it covers";
@@ -216,13 +211,13 @@ impl Cameras {
 
     /// The camera of a lens, without a network. A lens on its way is sampled as its gradient is; one at rest finely, with
     /// `psf.scoring_fields` and as many patches as `psf.scoring_blend_error` needs.
-    pub fn camera(&self, lens: Lens, is_moving: bool) -> Result<Camera, DesignError> {
+    pub fn camera(&self, lens: Lens, is_moving: bool) -> Result<Camera> {
         let moving = is_moving.then(|| self.moving_plan.clone());
         self.camera_with(lens, moving, PerfectImage::of(self.experiment.psf.kind.traced()))
     }
 
     /// [`Cameras::camera`] of a variant's lens, which may be without aberrations.
-    pub fn camera_of(&self, variant: &Variant, lens: Lens, is_moving: bool) -> Result<Camera, DesignError> {
+    pub fn camera_of(&self, variant: &Variant, lens: Lens, is_moving: bool) -> Result<Camera> {
         // While a lens moves, its fields are by waves or by rays as they were at the start.
         let moving = is_moving.then(|| self.start(variant).plan().clone());
         self.camera_with(lens, moving, variant.perfect_image)
@@ -233,9 +228,9 @@ impl Cameras {
         lens: Lens,
         moving_plan: Option<PsfPlan>,
         perfect_image: PerfectImage,
-    ) -> Result<Camera, DesignError> {
+    ) -> Result<Camera> {
         // PSFs of a file are those of every lens; else they are traced.
-        let formed = |lens: Lens, plan: PsfPlan| -> Result<Arc<Psfs>, DesignError> {
+        let formed = |lens: Lens, plan: PsfPlan| -> Result<Arc<Psfs>> {
             let (lens, plan) = (Box::new(lens), PsfPlan { perfect_image, ..plan });
             let source = match self.given.clone() {
                 Some(bank) => PsfSource::Given { bank, lens: Some(lens) },
@@ -259,7 +254,7 @@ impl Cameras {
     }
 
     /// The camera of a variant's lens on its way, without a network: [`Cameras::camera_of`], or with PSFs from the network that the variant names.
-    pub fn moving_camera(&self, variant: &Variant, lens: Lens) -> Result<Camera, DesignError> {
+    pub fn moving_camera(&self, variant: &Variant, lens: Lens) -> Result<Camera> {
         let proxy = variant.optics_proxy.as_ref().filter(|_| self.given.is_none());
         let Some(proxy) = proxy.map(|path| self.optics_proxies[path].clone()) else {
             return self.camera_of(variant, lens, true);
@@ -277,7 +272,7 @@ impl Cameras {
     }
 
     /// The perceptual loss.
-    pub fn lpips(&self) -> Result<Lpips, DesignError> {
+    pub fn lpips(&self) -> Result<Lpips> {
         Ok(Lpips::from_safetensors(&self.lpips_weights, &self.body.device)?)
     }
 
@@ -300,7 +295,7 @@ impl Cameras {
 }
 
 /// The PSFs of a file as cameras take them.
-pub fn given_bank(path: &Path) -> Result<PsfBank, DesignError> {
+pub fn given_bank(path: &Path) -> Result<PsfBank> {
     let bank = read_psfs(path)?.for_cameras();
     bank.map_err(|fault| DesignError::input(&axes_file(path))(fault.in_file()))
 }
@@ -316,7 +311,7 @@ fn chip(
     variants: &[Variant],
     assets: &Assets,
     sensor: &SensorModel,
-) -> Result<Option<Chip>, DesignError> {
+) -> Result<Option<Chip>> {
     if !experiment.isp.is_used() {
         return Ok(None);
     }
@@ -363,11 +358,7 @@ fn chip(
 
 /// Refuses a variant that needs the gradient of an ISP that has none. Such an ISP moves by CMA-ES, or by a network that imitates it. A lens
 /// behind it moves only with a network that has learnt enough in an earlier stage.
-fn check_without_gradient(
-    variant: &Variant,
-    experiment: &Experiment,
-    path: &Path,
-) -> Result<(), DesignError> {
+fn check_without_gradient(variant: &Variant, experiment: &Experiment, path: &Path) -> Result<()> {
     let mut learnt = 0;
     for (number, stage) in variant.stages.iter().enumerate() {
         let Stage::Task(moves) = stage else {

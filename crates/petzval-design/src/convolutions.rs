@@ -9,7 +9,7 @@ use petzval_learn::network::IspProxyConfig;
 use crate::block::Sight;
 use crate::camera::isp_proxy::PAIRS;
 use crate::design_loop::{StepOf, step_of};
-use crate::error::DesignError;
+use crate::error::Result;
 use crate::experiment::{BlockName, Schedule, Stage, StepMethod, Variant};
 use crate::setup::Setup;
 
@@ -18,7 +18,7 @@ use crate::setup::Setup;
 /// on the CPU, so that the shapes are those of a GPU.
 ///
 /// None if no block moves by a gradient.
-pub fn convolutions_of(setup: &Setup) -> Result<BTreeSet<Convolution>, DesignError> {
+pub fn convolutions_of(setup: &Setup) -> Result<BTreeSet<Convolution>> {
     let schedules =
         || setup.variants.iter().flat_map(|variant| schedules_of(variant).map(move |s| (variant, s)));
     let by_gradient = |s: &Schedule| matches!(s.method, StepMethod::Gradient | StepMethod::Levenberg);
@@ -58,12 +58,7 @@ fn schedules_of(variant: &Variant) -> impl Iterator<Item = (BlockName, Schedule)
 }
 
 /// The first step of a block in a variant, with everything else at its start.
-fn one_step(
-    setup: &Setup,
-    variant: &Variant,
-    block: BlockName,
-    schedule: Schedule,
-) -> Result<(), DesignError> {
+fn one_step(setup: &Setup, variant: &Variant, block: BlockName, schedule: Schedule) -> Result<()> {
     let (mut blocks, objective) = (setup.blocks(variant)?, setup.objective()?);
     blocks.network.set_sight(Sight { sees: variant.sees, zoom: 1.0 });
     let camera = blocks.held(&setup.moving_camera(variant, blocks.optics.lens()?)?);

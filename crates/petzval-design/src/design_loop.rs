@@ -21,7 +21,7 @@ use petzval_optics::paraxial::image_height_per_tangent;
 
 use crate::block::{Batch, Block, Blocks, ExposureBlock, IspBlock, NetworkBlock, Sight};
 use crate::camera::{Camera, ChipValues, Shot};
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{
     BlockName, FieldOfView, LensGoal, LensSearch, PERFECT_LENS, Schedule, Stage, StepMethod, StepRule,
     Variant, turn_of,
@@ -73,7 +73,7 @@ pub fn finished_camera(
     exposure: &ExposureBlock,
     isp: &IspBlock,
     network: &NetworkBlock,
-) -> Result<Camera, DesignError> {
+) -> Result<Camera> {
     Ok(finished(&setup.camera_of(variant, lens, false)?, exposure, isp, network))
 }
 
@@ -84,7 +84,7 @@ fn finished(camera: &Camera, exposure: &ExposureBlock, isp: &IspBlock, network: 
 }
 
 /// The lens of a variant as its blocks stand.
-fn lens_of(setup: &Setup, variant: &Variant, blocks: &Blocks) -> Result<Lens, DesignError> {
+fn lens_of(setup: &Setup, variant: &Variant, blocks: &Blocks) -> Result<Lens> {
     let file = &setup.start(variant).lens_file;
     if !variant.moves_lens() {
         return Ok(file.lens.clone());
@@ -93,18 +93,13 @@ fn lens_of(setup: &Setup, variant: &Variant, blocks: &Blocks) -> Result<Lens, De
 }
 
 /// Sets what the network of a variant with this lens sees, if it looks at finished pictures. Earlier variants of the run must be finished.
-pub fn set_sight(
-    network: &mut NetworkBlock,
-    run: &RunFolder,
-    variant: &Variant,
-    lens: &Lens,
-) -> Result<(), DesignError> {
+pub fn set_sight(network: &mut NetworkBlock, run: &RunFolder, variant: &Variant, lens: &Lens) -> Result<()> {
     network.set_sight(Sight { sees: variant.sees, zoom: zoom_of(run, variant, lens)? });
     Ok(())
 }
 
 /// By how much pictures of a variant with this lens are enlarged for its detector, in a run whose earlier variants are finished.
-pub fn zoom_of(run: &RunFolder, variant: &Variant, lens: &Lens) -> Result<f64, DesignError> {
+pub fn zoom_of(run: &RunFolder, variant: &Variant, lens: &Lens) -> Result<f64> {
     let Some(other) = &variant.zoomed_like else { return Ok(1.0) };
     let scale = |lens: &Lens| image_height_per_tangent(&lens.at_wavelength(lens.reference_um));
     Ok(scale(&camera_lens(run, other)?.lens) / scale(lens))
@@ -170,11 +165,7 @@ pub struct StepOf<'a> {
 }
 
 /// Takes the step of a block with a camera whose blocks are held. Returns the losses before the step.
-pub fn step_of(
-    step: &StepOf,
-    camera: &Camera,
-    blocks: &mut Blocks,
-) -> Result<BTreeMap<String, f64>, DesignError> {
+pub fn step_of(step: &StepOf, camera: &Camera, blocks: &mut Blocks) -> Result<BTreeMap<String, f64>> {
     let shots = step.setup.training_shots(camera, step.number)?;
     step_on(step, camera, blocks, &shots)
 }
@@ -185,7 +176,7 @@ fn step_on(
     camera: &Camera,
     blocks: &mut Blocks,
     shots: &[Shot],
-) -> Result<BTreeMap<String, f64>, DesignError> {
+) -> Result<BTreeMap<String, f64>> {
     let StepOf { setup, variant, objective, block, rule, number, next, is_whole } = *step;
     // A network behind the ISP needs no gradient by it, nor do a search and the differences of an exposure: they see the pictures that will be
     // scored.
@@ -231,7 +222,7 @@ impl Step {
 
 impl DesignLoop {
     /// Starts a run in an empty folder, or continues one from its latest checkpoint.
-    pub fn new(run: RunFolder, scorer: Scorer) -> Result<Self, DesignError> {
+    pub fn new(run: RunFolder, scorer: Scorer) -> Result<Self> {
         let folder = run.clone();
         Self::checked(run, scorer, &DigestCheck::new(&folder, &[], &|_: &str| ()))
     }
@@ -239,7 +230,7 @@ impl DesignLoop {
     /// The same for a run whose files must agree with their digests. A damaged checkpoint is set aside, with a warning, for the one before
     /// it. Fails if all are damaged, and if a finished camera or the events until the checkpoint were changed. Without the folder of
     /// checkpoints a run begins again, with a warning; one that is finished is refused.
-    pub fn checked(run: RunFolder, scorer: Scorer, check: &DigestCheck) -> Result<Self, DesignError> {
+    pub fn checked(run: RunFolder, scorer: Scorer, check: &DigestCheck) -> Result<Self> {
         forget_most_memory();
         let setup = scorer.setup().clone();
         let first = setup.variants.first().map(|v| v.name.clone());
@@ -333,7 +324,7 @@ impl DesignLoop {
 
     /// Runs to the end, or until [`Setup::cancel`] is set; then the step in work is finished and a checkpoint written. A step that improves or
     /// scores a whole lens ends at once, and is lost.
-    pub fn run(mut self, observer: &mut dyn Observer) -> Result<Ending, DesignError> {
+    pub fn run(mut self, observer: &mut dyn Observer) -> Result<Ending> {
         let setup = self.setup.clone();
         let stop = &setup.cancel;
         // A run that was extended after its end goes on with its first camera. This counts as a step, and has a checkpoint of its own:
@@ -432,7 +423,7 @@ impl DesignLoop {
         variant: &Variant,
         moves: &BTreeMap<BlockName, Schedule>,
         block: BlockName,
-    ) -> Result<Step, DesignError> {
+    ) -> Result<Step> {
         let (taken, before) = (self.position.taken(block), self.position.before(block));
         let rule = moves[&block].rule(taken);
         let camera = match (block, moves[&block].error_share) {
@@ -489,11 +480,7 @@ impl DesignLoop {
 
     /// Validates the camera as it would be scored if it were finished now: with a lens at rest, and the hardware ISP in whole numbers. PSFs of a
     /// lens on its way are coarser, so that losses before and after it comes to rest could not be compared. Returns the loss.
-    fn validate(
-        &mut self,
-        variant: &Variant,
-        moves: &BTreeMap<BlockName, Schedule>,
-    ) -> Result<f64, DesignError> {
+    fn validate(&mut self, variant: &Variant, moves: &BTreeMap<BlockName, Schedule>) -> Result<f64> {
         let at_rest = if self.is_moving(moves) {
             self.setup.camera_of(variant, self.lens(variant)?, false)?
         } else {
@@ -529,7 +516,7 @@ impl DesignLoop {
         search: LensSearch,
         observer: &mut dyn Observer,
         stop: &Cancel,
-    ) -> Result<Step, DesignError> {
+    ) -> Result<Step> {
         let (step, log) = (self.position.step + 1, &mut self.log);
         let mut started = Instant::now();
         let mut watch = |losses| {
@@ -549,7 +536,7 @@ impl DesignLoop {
     }
 
     /// Counts a step that a block took, and refuses one that led to what is no number.
-    fn after_step(&mut self, variant: &Variant, block: BlockName, step: Step) -> Result<Step, DesignError> {
+    fn after_step(&mut self, variant: &Variant, block: BlockName, step: Step) -> Result<Step> {
         let moved = self.blocks.get_mut(block).is_finite();
         let total = step.losses.get(TOTAL).copied();
         let first = total.map(|total| *self.position.first_losses.entry(block).or_insert(total));
@@ -574,12 +561,7 @@ impl DesignLoop {
     }
 
     /// What is said of a step that led nowhere: where, from which checkpoint the run was still good, and what to try.
-    fn astray(
-        &self,
-        error: DesignError,
-        variant: &Variant,
-        block: Option<BlockName>,
-    ) -> Result<DesignError, DesignError> {
+    fn astray(&self, error: DesignError, variant: &Variant, block: Option<BlockName>) -> Result<DesignError> {
         let (camera, step) = (variant.name.clone(), self.position.step + 1);
         let error = match error {
             // The lens had light when it started: it is the job that went astray, not the input.
@@ -605,7 +587,7 @@ impl DesignLoop {
     }
 
     /// Goes on to the next stage of the variant.
-    fn end_stage(&mut self, variant: &Variant, stage: &Stage) -> Result<(), DesignError> {
+    fn end_stage(&mut self, variant: &Variant, stage: &Stage) -> Result<()> {
         self.validations.end(&mut self.blocks)?;
         self.position.validation = None;
         self.position.first_losses.clear();
@@ -626,7 +608,7 @@ impl DesignLoop {
     }
 
     /// The lens of a variant as it stands.
-    fn lens(&self, variant: &Variant) -> Result<Lens, DesignError> {
+    fn lens(&self, variant: &Variant) -> Result<Lens> {
         lens_of(&self.setup, variant, &self.blocks)
     }
 
@@ -640,11 +622,7 @@ impl DesignLoop {
     }
 
     /// The camera of a variant as it stands, with its network held.
-    fn camera(
-        &mut self,
-        variant: &Variant,
-        moves: &BTreeMap<BlockName, Schedule>,
-    ) -> Result<Camera, DesignError> {
+    fn camera(&mut self, variant: &Variant, moves: &BTreeMap<BlockName, Schedule>) -> Result<Camera> {
         let is_moving = self.is_moving(moves);
         // The lens comes to rest, and is sampled finely, when its last step is taken: that step has dropped this camera.
         let camera = match self.camera.take() {
@@ -667,14 +645,14 @@ impl DesignLoop {
         moves: &BTreeMap<BlockName, Schedule>,
         share: f64,
         step: usize,
-    ) -> Result<Camera, DesignError> {
+    ) -> Result<Camera> {
         let drawn = self.camera(variant, moves)?;
         let lens = self.blocks.optics.with_errors(share, self.setup.experiment.seed, step as u64)?;
         Ok(self.blocks.held(&self.setup.moving_camera(variant, lens)?).taken_for(&drawn))
     }
 
     /// Keeps the step in a checkpoint, and the lens in the history of lenses.
-    fn checkpoint(&mut self, observer: &mut dyn Observer) -> Result<(), DesignError> {
+    fn checkpoint(&mut self, observer: &mut dyn Observer) -> Result<()> {
         self.keep(observer)?;
         // A variant that has not begun adds nothing to the history of lenses.
         let p = &self.position;
@@ -687,7 +665,7 @@ impl DesignLoop {
     }
 
     /// Keeps the step in a checkpoint. The history of lenses, which a report shows, does not depend on how long steps take.
-    fn keep(&mut self, observer: &mut dyn Observer) -> Result<(), DesignError> {
+    fn keep(&mut self, observer: &mut dyn Observer) -> Result<()> {
         let keep = self.setup.experiment.checkpoint.keep;
         if let Some(reads) = self.setup.windows()?.first_reads() {
             first_reads::add(&self.run, reads.take_fresh())?;
@@ -725,11 +703,7 @@ impl DesignLoop {
     }
 
     /// Scores a variant, keeps its lens, network and pictures, and makes room for the next.
-    fn finish_variant(
-        &mut self,
-        variant: &Variant,
-        observer: &mut dyn Observer,
-    ) -> Result<Step, DesignError> {
+    fn finish_variant(&mut self, variant: &Variant, observer: &mut dyn Observer) -> Result<Step> {
         let lens = self.lens(variant)?;
         validate(&lens).map_err(|defect| DesignError::Unmakeable { camera: variant.name.clone(), defect })?;
         let Blocks { exposure, isp, network, .. } = &self.blocks;
@@ -774,7 +748,7 @@ impl DesignLoop {
 
     /// Makes the next variant ready: from its lens with a new network, from the variant that it names, or, if the run was extended,
     /// from its own finished camera.
-    fn begin_next(&mut self) -> Result<(), DesignError> {
+    fn begin_next(&mut self) -> Result<()> {
         let setup = self.setup.clone();
         let Position { step, finished, seconds, .. } = std::mem::take(&mut self.position);
         self.position = Position { step, finished, seconds, ..Position::default() };

@@ -23,6 +23,9 @@ pub struct WrongSetting {
     pub hint: String,
 }
 
+/// What was made, or why it could not be.
+pub type Result<T, E = DesignError> = std::result::Result<T, E>;
+
 /// Why a design, a score or a report could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum DesignError {

@@ -12,7 +12,7 @@ use petzval_optics::spot::spot;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::error::DesignError;
+use crate::error::Result;
 use crate::experiment::{BlockName, PERFECT_LENS, Stage, Variant, is_derived_lens};
 use crate::lens::start::Start;
 use crate::setup::Setup;
@@ -137,7 +137,7 @@ pub(crate) fn steps_in_words(cameras: &[Planned]) -> String {
 }
 
 /// Looks at an experiment that was made ready. Fails with [`DesignError::Stopped`] before the next lens once the job is cancelled.
-pub fn first_look(setup: &Setup) -> Result<FirstLook, DesignError> {
+pub fn first_look(setup: &Setup) -> Result<FirstLook> {
     let mut lenses: Vec<LensLook> = Vec::new();
     for variant in setup.variants.iter().filter(|v| v.lens != PERFECT_LENS) {
         let known =
@@ -201,7 +201,7 @@ pub(crate) fn planned(variant: &Variant) -> Planned {
     }
 }
 
-fn lens_look(setup: &Setup, variant: &Variant, start: &Start) -> Result<LensLook, DesignError> {
+fn lens_look(setup: &Setup, variant: &Variant, start: &Start) -> Result<LensLook> {
     let lens = &start.lens_file.lens;
     // With one more field between any two of those that are shown.
     let plan = setup.moving_plan.with_fields(2 * FIELDS - 1);

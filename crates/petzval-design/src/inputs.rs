@@ -10,7 +10,7 @@ use sha2::{Digest, Sha256};
 
 use crate::assets::Assets;
 use crate::camera::optics_proxy::FILES;
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{Experiment, is_derived_lens};
 use crate::path_text::path_text;
 use crate::run::first_reads;
@@ -33,12 +33,12 @@ pub struct Inputs {
 
 impl Inputs {
     /// Those of a setup. Its pictures are read, unless they are a large set.
-    pub fn of(setup: &Setup) -> Result<Self, DesignError> {
+    pub fn of(setup: &Setup) -> Result<Self> {
         Self::with(setup, Content::AtStart)
     }
 
     /// Those of a setup with so much of the content of its pictures.
-    fn with(setup: &Setup, content: Content) -> Result<Self, DesignError> {
+    fn with(setup: &Setup, content: Content) -> Result<Self> {
         let mut hash = Sha256::new();
         let mut parts = parts_of(setup, &mut hash)?;
         let WindowInputs { parts: built_in, pictures } =
@@ -50,7 +50,7 @@ impl Inputs {
 }
 
 /// The inputs of a setup without its pictures: SHA-256 by name. Their content is added to the hash. The setup needs no windows.
-fn parts_of(setup: &Setup, hash: &mut Sha256) -> Result<BTreeMap<String, String>, DesignError> {
+fn parts_of(setup: &Setup, hash: &mut Sha256) -> Result<BTreeMap<String, String>> {
     let mut parts = BTreeMap::new();
     let mut add = |name: String, bytes: &[u8]| {
         hash.update(bytes);
@@ -109,7 +109,7 @@ fn relative(path: &Path, folder: &Path) -> PathBuf {
 }
 
 /// Keeps in a new run folder what the run is made from, and writes the `config.toml` that names it, and its record.
-pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<(), DesignError> {
+pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<()> {
     let experiment = &setup.experiment;
     // The setup has read the lens already, and reported its warnings.
     let lens = assets.import(&experiment.lens)?.file;
@@ -173,7 +173,7 @@ pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<()
     write_file(&run.config(), text.as_bytes())
 }
 
-fn read(path: &Path) -> Result<Vec<u8>, DesignError> {
+fn read(path: &Path) -> Result<Vec<u8>> {
     petzval_base::read_whole(path).map_err(DesignError::io(path))
 }
 
@@ -183,13 +183,13 @@ fn proxy_files(description: &Path) -> impl Iterator<Item = PathBuf> {
     FILES.into_iter().map(move |file| folder.join(file))
 }
 
-fn make_parent(path: &Path) -> Result<(), DesignError> {
+fn make_parent(path: &Path) -> Result<()> {
     let folder = path.parent().unwrap_or(Path::new(""));
     std::fs::create_dir_all(folder).map_err(DesignError::io(folder))
 }
 
 /// Refuses to go on with a run from other inputs than it was made from, which are named. Returns those of the setup.
-pub fn check_inputs(setup: &Setup, run: &RunFolder) -> Result<Inputs, DesignError> {
+pub fn check_inputs(setup: &Setup, run: &RunFolder) -> Result<Inputs> {
     compared(setup, run)?.map_err(|changed| {
         let problem = format!("{changed}; put them back, or start a new run");
         DesignError::Run { path: run.fingerprint(), problem }
@@ -197,17 +197,13 @@ pub fn check_inputs(setup: &Setup, run: &RunFolder) -> Result<Inputs, DesignErro
 }
 
 /// Refuses to score a run on its own pictures from other inputs than it was made from. A user may accept them as a change of the folder `inputs`.
-pub fn check_inputs_or_accepted(
-    setup: &Setup,
-    run: &RunFolder,
-    check: &DigestCheck,
-) -> Result<(), DesignError> {
+pub fn check_inputs_or_accepted(setup: &Setup, run: &RunFolder, check: &DigestCheck) -> Result<()> {
     let Err(changed) = compared(setup, run)? else { return Ok(()) };
     accepted_or_refused(&changed, run, check)
 }
 
 /// Accepts inputs that were changed, as a change of the folder `inputs`, or refuses them with what was changed.
-fn accepted_or_refused(changed: &str, run: &RunFolder, check: &DigestCheck) -> Result<(), DesignError> {
+fn accepted_or_refused(changed: &str, run: &RunFolder, check: &DigestCheck) -> Result<()> {
     if check.is_accepted(&ChangedFile { name: "inputs".to_owned(), is_missing: false }) {
         return Ok(());
     }
@@ -217,7 +213,7 @@ fn accepted_or_refused(changed: &str, run: &RunFolder, check: &DigestCheck) -> R
 }
 
 /// The inputs of the setup if they are those that the run was made from, else what was changed, in words.
-fn compared(setup: &Setup, run: &RunFolder) -> Result<Result<Inputs, String>, DesignError> {
+fn compared(setup: &Setup, run: &RunFolder) -> Result<Result<Inputs, String>> {
     let path = run.fingerprint();
     let noted = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
     let then = InputList::read(run)?;
@@ -249,17 +245,13 @@ fn other_inputs(named: &[String]) -> String {
 
 /// Refuses to use or to show the cameras of a run with another lens, sensor, ISP or network than it was made from: what every verb checks that
 /// needs no pictures of the run. A user may accept other inputs as a change of the folder `inputs`. The setup needs no windows.
-pub fn check_parts_or_accepted(
-    setup: &Setup,
-    run: &RunFolder,
-    check: &DigestCheck,
-) -> Result<(), DesignError> {
+pub fn check_parts_or_accepted(setup: &Setup, run: &RunFolder, check: &DigestCheck) -> Result<()> {
     let changed = changed_parts(setup, run)?;
     if changed.is_empty() { Ok(()) } else { accepted_or_refused(&other_inputs(&changed), run, check) }
 }
 
 /// What of lens, sensor, ISP and networks is not as the run was made from, in words. Nothing is known of a folder of an earlier version.
-fn changed_parts(setup: &Setup, run: &RunFolder) -> Result<Vec<String>, DesignError> {
+fn changed_parts(setup: &Setup, run: &RunFolder) -> Result<Vec<String>> {
     let Some(then) = InputList::read(run)? else { return Ok(Vec::new()) };
     let mut then = InputList { parts: then.parts, ..InputList::default() };
     then.parts.remove(BUILT_IN);

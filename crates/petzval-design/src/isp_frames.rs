@@ -8,7 +8,7 @@ use rand_distr::{Distribution, StandardNormal};
 
 use crate::camera::Camera;
 use crate::camera::isp_proxy::{Frame, take};
-use crate::error::DesignError;
+use crate::error::Result;
 use crate::setup::Setup;
 
 /// Lenses beside the experiment's own: its free coordinates moved at random by this standard deviation. A quarter of a coordinate is about
@@ -37,7 +37,7 @@ pub struct FrameSource {
 
 impl FrameSource {
     /// The cameras of an experiment: its lens and others near it, its sensor at several gains.
-    pub fn new(setup: Setup) -> Result<Self, DesignError> {
+    pub fn new(setup: Setup) -> Result<Self> {
         let base = setup.body.exposure;
         let mut cameras = Vec::new();
         for lens in lenses(&setup)? {
@@ -58,7 +58,7 @@ impl FrameSource {
     }
 
     /// The training frames of a step, all by one camera. They depend on experiment and step alone.
-    pub fn training(&self, step: u64) -> Result<Vec<Frame>, DesignError> {
+    pub fn training(&self, step: u64) -> Result<Vec<Frame>> {
         let mut random = ChaCha8Rng::seed_from_u64(self.setup.experiment.seed ^ OWN);
         random.set_stream(step);
         let camera = &self.cameras[random.random_range(0..self.cameras.len())];
@@ -66,7 +66,7 @@ impl FrameSource {
     }
 
     /// Frames of photographs that training never sees: each at every place of the experiment's scoring, by one camera after the other.
-    pub fn held_out(&self) -> Result<Vec<Frame>, DesignError> {
+    pub fn held_out(&self) -> Result<Vec<Frame>> {
         let shots = self.setup.held_out_shots(&self.cameras[0], &|_| true)?;
         let mut frames = Vec::new();
         for (i, held_out) in shots.into_iter().enumerate() {
@@ -79,7 +79,7 @@ impl FrameSource {
 }
 
 /// The experiment's lens and others near it.
-fn lenses(setup: &Setup) -> Result<Vec<Lens>, DesignError> {
+fn lenses(setup: &Setup) -> Result<Vec<Lens>> {
     let start = setup.nominal();
     let mut lenses = vec![start.lens_file.lens.clone()];
     for draw in 0..MOST_DRAWN {

@@ -7,7 +7,7 @@ use petzval_base::{Cancel, FileError};
 use petzval_optics::glass::Catalog;
 
 use crate::assets::{Assets, ExternalIsps, Guests, Text, WarningSink};
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment, STREET, Settings, TaskFacts, WithSettings};
 use crate::path_text::path_text;
 use crate::run::input_list::pictures_of_run;
@@ -38,7 +38,7 @@ impl From<Assets> for Library {
 
 impl Library {
     /// All files below a folder on disk, for tests and for a changed library.
-    pub fn from_folder(root: &Path) -> Result<Self, DesignError> {
+    pub fn from_folder(root: &Path) -> Result<Self> {
         Ok(Assets::from_folder(root)?.into())
     }
 
@@ -88,19 +88,19 @@ impl Library {
     }
 
     /// What the task of an experiment decides.
-    pub fn facts_of(&self, experiment: &Experiment) -> Result<TaskFacts, DesignError> {
+    pub fn facts_of(&self, experiment: &Experiment) -> Result<TaskFacts> {
         Ok(self.tasks.of(experiment)?.facts())
     }
 
     /// An experiment by path or built-in name. Lens, sensor and photographs that it names by a relative path are
     /// looked for beside it first.
-    pub fn experiment(&self, name: &str) -> Result<Experiment, DesignError> {
+    pub fn experiment(&self, name: &str) -> Result<Experiment> {
         let source = self.text("experiment", "experiments", name)?;
         self.located(self.checked(&source)?, &source)
     }
 
     /// The experiment of a text, checked.
-    fn checked(&self, source: &Text) -> Result<Experiment, DesignError> {
+    fn checked(&self, source: &Text) -> Result<Experiment> {
         let experiment = self.tasks.parse(&source.text).and_then(|experiment| {
             self.tasks.check_scores(&experiment, &source.text)?;
             Ok(experiment)
@@ -111,7 +111,7 @@ impl Library {
     /// The same with settings in place of values of its file. A path that is set is looked for from the working folder first.
     ///
     /// A setting that makes the experiment wrong is named by the error; an error that the file has without it names its place there.
-    pub fn experiment_with(&self, name: &str, settings: &Settings) -> Result<Experiment, DesignError> {
+    pub fn experiment_with(&self, name: &str, settings: &Settings) -> Result<Experiment> {
         if settings.is_empty() {
             return self.experiment(name);
         }
@@ -120,14 +120,14 @@ impl Library {
     }
 
     /// An experiment that is in no file with settings in place of its values.
-    pub fn changed_by(&self, experiment: Experiment, settings: &Settings) -> Result<Experiment, DesignError> {
+    pub fn changed_by(&self, experiment: Experiment, settings: &Settings) -> Result<Experiment> {
         if settings.is_empty() {
             return Ok(experiment);
         }
         self.with_settings(&Text { path: PathBuf::new(), text: experiment.to_toml()? }, settings)
     }
 
-    fn with_settings(&self, source: &Text, settings: &Settings) -> Result<Experiment, DesignError> {
+    fn with_settings(&self, source: &Text, settings: &Settings) -> Result<Experiment> {
         let mut complete = Experiment::read(&source.text).map_err(DesignError::input(&source.path))?;
         self.tasks.complete(&mut complete);
         let with = WithSettings::new(&source.text, &complete, settings)?;
@@ -156,7 +156,7 @@ impl Library {
     }
 
     /// An experiment with the paths that it names made those of files beside its own.
-    fn located(&self, experiment: Experiment, source: &Text) -> Result<Experiment, DesignError> {
+    fn located(&self, experiment: Experiment, source: &Text) -> Result<Experiment> {
         self.beside(experiment, source, &[])
     }
 
@@ -166,7 +166,7 @@ impl Library {
         mut experiment: Experiment,
         source: &Text,
         may_be_missing: &[&str],
-    ) -> Result<Experiment, DesignError> {
+    ) -> Result<Experiment> {
         let folder = source.path.parent().unwrap_or(Path::new(""));
         for (key, input) in experiment.inputs_mut() {
             let beside = folder.join(input.as_str());
@@ -231,7 +231,7 @@ impl Library {
     }
 
     /// The experiment that a run was made from, by its record; that of its `config.toml` if it has none.
-    pub fn experiment_of_run(&self, run: &RunFolder) -> Result<Experiment, DesignError> {
+    pub fn experiment_of_run(&self, run: &RunFolder) -> Result<Experiment> {
         let config = match RunRecord::read(run)? {
             Some(record) => record.config,
             None => self.config_of_run(run)?,
@@ -246,7 +246,7 @@ impl Library {
         run: &RunFolder,
         mut config: Experiment,
         pictures: Option<&Path>,
-    ) -> Result<Experiment, DesignError> {
+    ) -> Result<Experiment> {
         self.tasks.complete(&mut config);
         let source = Text { path: run.config(), text: config.to_toml()? };
         let mut experiment = self.beside(config, &source, &["photos", "data"])?;
@@ -256,7 +256,7 @@ impl Library {
     }
 
     /// The values of a run's `config.toml`, which must hold every key of its record.
-    pub fn config_of_run(&self, run: &RunFolder) -> Result<Experiment, DesignError> {
+    pub fn config_of_run(&self, run: &RunFolder) -> Result<Experiment> {
         let text = config_text(run)?;
         let experiment = if run.record().exists() {
             self.tasks.parse_complete(&text, &json_record(run)?["config"])
@@ -267,11 +267,7 @@ impl Library {
     }
 
     /// How the values of a run's `config.toml` differ from those of its record: the place of the first key, and every key by name.
-    pub fn changed_config(
-        &self,
-        record: &RunRecord,
-        run: &RunFolder,
-    ) -> Result<Option<FileError>, DesignError> {
+    pub fn changed_config(&self, record: &RunRecord, run: &RunFolder) -> Result<Option<FileError>> {
         let mut recorded = record.config.clone();
         self.tasks.complete(&mut recorded);
         let changes = self.config_of_run(run)?.differences(&recorded);

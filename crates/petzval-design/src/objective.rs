@@ -5,14 +5,14 @@ use petzval_camera::tape::Frames;
 use petzval_learn::loss::NamedLoss;
 
 use crate::camera::{Camera, Shot};
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 
 /// The loss of what a camera took.
 ///
 /// A function of these arguments is an objective that looks at a batch as a whole.
 pub trait Objective: Send + Sync {
     /// The mean over the pictures of a batch. Its graph leads to whatever the graphs of the frames and of the camera's network lead to.
-    fn loss(&self, camera: &Camera, frames: &Frames, shots: &[Shot]) -> Result<NamedLoss, DesignError>;
+    fn loss(&self, camera: &Camera, frames: &Frames, shots: &[Shot]) -> Result<NamedLoss>;
 
     /// How windows go into it, which decides how they are taken on all threads.
     fn windows(&self) -> WindowsOf {
@@ -20,12 +20,12 @@ pub trait Objective: Send + Sync {
     }
 
     /// With [`WindowsOf::Apart`], the share of each window in the loss of all.
-    fn shares(&self, shots: &[Shot]) -> Result<Vec<f64>, DesignError> {
+    fn shares(&self, shots: &[Shot]) -> Result<Vec<f64>> {
         Ok(vec![1.0 / shots.len() as f64; shots.len()])
     }
 
     /// With [`WindowsOf::Looks`], the layers that see each window alone: tensors of which each has the windows along its first dimension.
-    fn look(&self, _camera: &Camera, frames: &Frames) -> Result<Vec<Tensor<4>>, DesignError> {
+    fn look(&self, _camera: &Camera, frames: &Frames) -> Result<Vec<Tensor<4>>> {
         Ok(vec![frames.finished.clone()])
     }
 
@@ -36,7 +36,7 @@ pub trait Objective: Send + Sync {
         _look: Vec<Tensor<4>>,
         _picture: [usize; 2],
         _shots: &[Shot],
-    ) -> Result<NamedLoss, DesignError> {
+    ) -> Result<NamedLoss> {
         Err(DesignError::OtherTask)
     }
 }
@@ -54,9 +54,9 @@ pub enum WindowsOf {
 
 impl<F> Objective for F
 where
-    F: Fn(&Camera, &Frames, &[Shot]) -> Result<NamedLoss, DesignError> + Send + Sync,
+    F: Fn(&Camera, &Frames, &[Shot]) -> Result<NamedLoss> + Send + Sync,
 {
-    fn loss(&self, camera: &Camera, frames: &Frames, shots: &[Shot]) -> Result<NamedLoss, DesignError> {
+    fn loss(&self, camera: &Camera, frames: &Frames, shots: &[Shot]) -> Result<NamedLoss> {
         self(camera, frames, shots)
     }
 }

@@ -6,7 +6,7 @@ use petzval_camera::sensor::{Capture, Noise};
 use petzval_camera::tape::{Frames, expose_op};
 
 use crate::camera::{Camera, PsfLeaves, Shot, cut};
-use crate::error::DesignError;
+use crate::error::Result;
 use crate::task::Objective;
 
 /// A part of a step.
@@ -46,7 +46,7 @@ impl PartInputs {
         camera: Camera,
         shots: Vec<Shot>,
         noise: Noise,
-    ) -> Result<Self, DesignError> {
+    ) -> Result<Self> {
         let psfs = PsfLeaves::new(camera.psfs().bank(), &camera.body().device);
         let (irradiance, illumination) = camera.image(&psfs, &shots)?;
         let captures: Vec<Capture> = shots.iter().map(|s| camera.capture(s)).collect();
@@ -58,7 +58,7 @@ impl PartInputs {
     }
 
     /// Runs a part forward, and the sum of what it gives back to its inputs.
-    pub fn run(&self, part: Part) -> Result<(), DesignError> {
+    pub fn run(&self, part: Part) -> Result<()> {
         let Self { camera, captures, kept, .. } = self;
         let tracked = |tensor: &Tensor<4>| tensor.clone().detach().require_grad();
         let psfs = || PsfLeaves::new(camera.psfs().bank(), &camera.body().device).tracked();

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 
 /// A path as the text that leads to it. Fails if it is not UTF-8: with other characters in their place the path would lead elsewhere.
-pub fn path_text(path: &Path) -> Result<String, DesignError> {
+pub fn path_text(path: &Path) -> Result<String> {
     path.to_str().map(str::to_owned).ok_or_else(|| {
         let message = "the path is not UTF-8, and is kept in files of text";
         let hint =

@@ -4,14 +4,14 @@ use std::io::ErrorKind;
 
 use petzval_files::encoded_png_bytes;
 
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::run::picture_names::{file_name, whole_name};
 use crate::run::{RunFolder, write_file};
 use crate::task::ScoredPicture;
 
 /// Saves the pictures of a camera, and the truth beside them, if no other camera has: in streets the truth is what its own lens sees, and the first
 /// camera has the focal length of the experiment. A whole frame of an earlier state of the camera is removed.
-pub fn save(run: &RunFolder, camera: &str, pictures: &[ScoredPicture]) -> Result<(), DesignError> {
+pub fn save(run: &RunFolder, camera: &str, pictures: &[ScoredPicture]) -> Result<()> {
     let whole = run.picture(&whole_name(Some(camera)));
     match std::fs::remove_file(&whole) {
         Err(error) if error.kind() != ErrorKind::NotFound => return Err(DesignError::io(&whole)(error)),

@@ -10,7 +10,7 @@ use petzval_optics::paraxial::{first_order, image_brightness};
 use petzval_optics::solve::magnification;
 
 use crate::assets::Text;
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{BlockName, FieldOfView, Variant};
 use crate::setup::Setup;
 
@@ -18,7 +18,7 @@ use crate::setup::Setup;
 const LIKE_FOR_LIKE: f64 = 0.01;
 
 /// Refuses cameras that can give no meaningful result; returns the warnings. `source` is the experiment's text.
-pub fn check(setup: &Setup, source: &Text) -> Result<Vec<String>, DesignError> {
+pub fn check(setup: &Setup, source: &Text) -> Result<Vec<String>> {
     setup.windows()?.check_sensor(&setup.experiment, &setup.body.sensor)?;
     let mut warnings = check_exposure(setup, source)?;
     warnings.extend(brighter_lenses(setup));
@@ -30,7 +30,7 @@ pub fn check(setup: &Setup, source: &Text) -> Result<Vec<String>, DesignError> {
 }
 
 /// White must fit into a green pixel; where it does not fit into one of another colour, it is clipped there.
-fn check_exposure(setup: &Setup, source: &Text) -> Result<Vec<String>, DesignError> {
+fn check_exposure(setup: &Setup, source: &Text) -> Result<Vec<String>> {
     let (sensor, exposure) = (&setup.body.sensor, &setup.experiment.exposure);
     let (white_e, gain) = (f64::from(exposure.white_e), f64::from(exposure.linear_gain));
     let capacity_e = sensor.light_capacity_e(f64::from(exposure.time_s), gain);

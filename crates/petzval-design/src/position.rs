@@ -6,7 +6,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::block::Blocks;
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{BlockName, Stage, Variant};
 use crate::pace::UnitsLeft;
 use crate::run::{DigestCheck, Digests, EventsDigest, Kept, RunFolder, SCORE, load_blocks, read_json};
@@ -191,7 +191,7 @@ pub(crate) struct Restored {
 
 impl Restored {
     /// Reads the checkpoint of a step. Fails if it does not agree with its digests, or is none of this run.
-    pub fn read(setup: &Setup, step: u64, folder: &Path, check: &DigestCheck) -> Result<Self, DesignError> {
+    pub fn read(setup: &Setup, step: u64, folder: &Path, check: &DigestCheck) -> Result<Self> {
         let name = folder.file_name().unwrap_or_default().to_string_lossy();
         if let Some(change) = check.changes(&format!("checkpoints/{name}"))?.first() {
             return Err(DesignError::Run { path: folder.to_path_buf(), problem: change.to_string() });
@@ -220,7 +220,7 @@ pub(crate) fn last_variant<'s>(
     setup: &'s Setup,
     position: &Position,
     run: &RunFolder,
-) -> Result<&'s Variant, DesignError> {
+) -> Result<&'s Variant> {
     position.variant(setup).or(setup.variants.last()).ok_or_else(|| DesignError::Run {
         path: run.config(),
         problem: "the experiment has no variants".to_owned(),

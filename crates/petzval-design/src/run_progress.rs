@@ -7,7 +7,7 @@ use petzval_optics::glass::Catalog;
 use petzval_optics::lens::Lens;
 use petzval_report::design_report::{CameraProgress, CameraState, Progress};
 
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{BlockName, Stage, Variant};
 use crate::run::{Event, Metrics, RunFolder, SCORE};
 use crate::setup::Setup;
@@ -25,11 +25,7 @@ pub(crate) fn at_work<'s>(setup: &'s Setup, events: &[Event]) -> Option<&'s Vari
 }
 
 /// The lens of a camera at work in its latest checkpoint; none before the first.
-pub(crate) fn latest_lens(
-    run: &RunFolder,
-    variant: &Variant,
-    events: &[Event],
-) -> Result<Option<Lens>, DesignError> {
+pub(crate) fn latest_lens(run: &RunFolder, variant: &Variant, events: &[Event]) -> Result<Option<Lens>> {
     let steps = events.iter().rev().filter(|event| event.camera == variant.name).map(|event| event.step);
     let Some(path) = steps.map(|step| run.lens_at_step(step)).find(|path| path.is_file()) else {
         return Ok(None);

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::Experiment;
 use crate::library::Library;
 use crate::report::run_report::read_metrics;
@@ -100,7 +100,7 @@ pub fn run_row(folder: &Path, library: &Library) -> RunRow {
 }
 
 /// Fills a row with what can be read; what was read before an error stays.
-fn fill(row: &mut RunRow, folder: &Path, library: &Library) -> Result<(), DesignError> {
+fn fill(row: &mut RunRow, folder: &Path, library: &Library) -> Result<()> {
     let run = RunFolder::open(folder)?;
     let record = RunRecord::read(&run)?;
     if let Some(record) = &record {
@@ -141,7 +141,7 @@ fn fill(row: &mut RunRow, folder: &Path, library: &Library) -> Result<(), Design
 }
 
 /// The figures of the cameras that are finished, in the order of the experiment.
-pub fn finished_cameras(run: &RunFolder, experiment: &Experiment) -> Result<Vec<CameraMetrics>, DesignError> {
+pub fn finished_cameras(run: &RunFolder, experiment: &Experiment) -> Result<Vec<CameraMetrics>> {
     let names = experiment.variant.iter().map(|variant| variant.name.as_str());
     run.finished(names).into_iter().map(|name| read_json(&run.camera_metrics(name))).collect()
 }

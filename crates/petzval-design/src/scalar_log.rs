@@ -16,7 +16,7 @@ use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
 use petzval_optics::spot::spot;
 
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::run::{Event, RunFolder, RunRecord, read_events};
 use crate::setup::Setup;
 use crate::tensorboard::{FILE_MARK, scalar_record, version_record};
@@ -63,7 +63,7 @@ impl ScalarLog {
     }
 
     /// Writes the curves of a run as far as its events go, and opens them for the next ones.
-    pub fn open(setup: Arc<Setup>, run: &RunFolder) -> Result<Self, DesignError> {
+    pub fn open(setup: Arc<Setup>, run: &RunFolder) -> Result<Self> {
         let begun = RunRecord::read(run)?.and_then(|record| humantime::parse_rfc3339(&record.begun).ok());
         let begun_s =
             begun.and_then(|at| at.duration_since(UNIX_EPOCH).ok()).unwrap_or(Duration::ZERO).as_secs_f64();
@@ -93,7 +93,7 @@ impl ScalarLog {
     }
 
     /// Adds an event.
-    pub fn event(&mut self, event: &Event) -> Result<(), DesignError> {
+    pub fn event(&mut self, event: &Event) -> Result<()> {
         match self.counted.event(event) {
             Some(point) => self.add(&point),
             None => Ok(()),
@@ -101,7 +101,7 @@ impl ScalarLog {
     }
 
     /// Adds the figures of the lens that the run has written after its last step.
-    pub fn lens(&mut self) -> Result<(), DesignError> {
+    pub fn lens(&mut self) -> Result<()> {
         let Some((step, _)) = self.counted.last else { return Ok(()) };
         match self.counted.lens(step, &self.setup, &self.run) {
             Some(point) => self.add(&point),
@@ -109,7 +109,7 @@ impl ScalarLog {
         }
     }
 
-    fn add(&mut self, point: &Point) -> Result<(), DesignError> {
+    fn add(&mut self, point: &Point) -> Result<()> {
         let record = self.counted.record(point);
         if !self.files.contains_key(&point.camera) {
             let file = self.file(&point.camera, &version_record(self.counted.begun_s))?;
@@ -124,7 +124,7 @@ impl ScalarLog {
     }
 
     /// The file of a camera with its first bytes, open for more.
-    fn file(&self, camera: &str, bytes: &[u8]) -> Result<fs::File, DesignError> {
+    fn file(&self, camera: &str, bytes: &[u8]) -> Result<fs::File> {
         let folder = self.run.tensorboard().join(camera);
         fs::create_dir_all(&folder).map_err(DesignError::io(&folder))?;
         // The same name each time: a run that goes on does so in its file.
@@ -209,10 +209,10 @@ fn lens_figures(setup: &Setup, lens: &Lens) -> Option<Vec<(String, f64)>> {
     )
 }
 
-fn write(path: &Path, bytes: &[u8]) -> Result<(), DesignError> {
+fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     write_whole(path, bytes).map_err(DesignError::io(path))
 }
 
-fn appended(path: &Path) -> Result<fs::File, DesignError> {
+fn appended(path: &Path) -> Result<fs::File> {
     fs::OpenOptions::new().append(true).open(path).map_err(DesignError::io(path))
 }

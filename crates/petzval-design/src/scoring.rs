@@ -15,7 +15,7 @@ use petzval_optics::spot::spot;
 use rayon::prelude::*;
 
 use crate::camera::{Camera, host_image, within_range};
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::lens::restored::{brightened, percent};
 use crate::run::input_list::InputList;
 use crate::run::{CameraMetrics, Metrics, PictureScore, RunFolder, VERSION, read_json};
@@ -46,7 +46,7 @@ pub struct Scored {
 
 impl Scorer {
     /// The scores that `scoring.scores` names, in that order.
-    pub fn new(setup: Arc<Setup>) -> Result<Self, DesignError> {
+    pub fn new(setup: Arc<Setup>) -> Result<Self> {
         let judge = setup.task.judge(&setup)?;
         Ok(Self { setup, judge })
     }
@@ -68,17 +68,12 @@ impl Scorer {
 
     /// Scores a camera: its lens by exact tracing, its pictures on the held-out photographs. Ends with [`DesignError::Stopped`] before the next
     /// picture once [`Setup::cancel`] is set.
-    pub fn score(&self, name: &str, camera: &Camera) -> Result<Scored, DesignError> {
+    pub fn score(&self, name: &str, camera: &Camera) -> Result<Scored> {
         self.score_watched(name, camera, &|_, _| {})
     }
 
     /// The same; `tick` is called before each picture, with how many are done and how many there are.
-    pub fn score_watched(
-        &self,
-        name: &str,
-        camera: &Camera,
-        tick: &dyn Fn(usize, usize),
-    ) -> Result<Scored, DesignError> {
+    pub fn score_watched(&self, name: &str, camera: &Camera, tick: &dyn Fn(usize, usize)) -> Result<Scored> {
         let (Some(lens), Some(captured)) = (camera.psfs().lens(), camera.psfs().captured()) else {
             return Err(DesignError::NoLens);
         };
@@ -109,11 +104,7 @@ impl Scorer {
     }
 
     /// Each score over those of the held-out pictures that are chosen by their number.
-    pub fn means(
-        &self,
-        camera: &Camera,
-        is_chosen: &dyn Fn(usize) -> bool,
-    ) -> Result<BTreeMap<String, f64>, DesignError> {
+    pub fn means(&self, camera: &Camera, is_chosen: &dyn Fn(usize) -> bool) -> Result<BTreeMap<String, f64>> {
         Ok(self.pictures(camera, is_chosen, Depth::Finished, &|_, _| {})?.1.scores())
     }
 
@@ -124,7 +115,7 @@ impl Scorer {
         is_chosen: &dyn Fn(usize) -> bool,
         depth: Depth,
         tick: &dyn Fn(usize, usize),
-    ) -> Result<(Vec<ScoredPicture>, Box<dyn Findings>), DesignError> {
+    ) -> Result<(Vec<ScoredPicture>, Box<dyn Findings>)> {
         let noise = Noise { mode: NoiseMode::Exact, seed: SCORING_SEED };
         let mut findings = self.judge.begin(depth);
         let mut pictures = Vec::new();
@@ -175,7 +166,7 @@ fn camera_metrics(
     psf_captured: f64,
     scores: BTreeMap<String, f64>,
     pictures: Vec<PictureScore>,
-) -> Result<CameraMetrics, DesignError> {
+) -> Result<CameraMetrics> {
     let reference = lens.at_wavelength(lens.reference_um);
     let order = first_order(&reference);
     let angles = setup.fixed_plan.field_angles(lens)?;
@@ -222,20 +213,12 @@ fn camera_metrics(
 }
 
 /// Gathers the figures of the finished cameras of a run.
-pub fn collect_metrics(
-    setup: &Setup,
-    run: &RunFolder,
-    scores: Vec<ScoreDescription>,
-) -> Result<Metrics, DesignError> {
+pub fn collect_metrics(setup: &Setup, run: &RunFolder, scores: Vec<ScoreDescription>) -> Result<Metrics> {
     collect(setup, run, scores, setup.held_out_pictures()?, |_| true)
 }
 
 /// [`collect_metrics`] for a run at work, whose pictures need not be read: of the cameras that are finished so far.
-pub fn collect_so_far(
-    setup: &Setup,
-    run: &RunFolder,
-    scores: Vec<ScoreDescription>,
-) -> Result<Metrics, DesignError> {
+pub fn collect_so_far(setup: &Setup, run: &RunFolder, scores: Vec<ScoreDescription>) -> Result<Metrics> {
     let held_out = InputList::read(run)?.map_or([0, 0], |list| list.held_out);
     collect(setup, run, scores, held_out, Path::is_file)
 }
@@ -247,7 +230,7 @@ fn collect(
     scores: Vec<ScoreDescription>,
     [held_out_images, held_out_places]: [usize; 2],
     is_wanted: impl Fn(&Path) -> bool,
-) -> Result<Metrics, DesignError> {
+) -> Result<Metrics> {
     let figures = setup.variants.iter().map(|variant| run.camera_metrics(&variant.name));
     let rows: Vec<CameraMetrics> =
         figures.filter(|path| is_wanted(path)).map(|path| read_json(&path)).collect::<Result<_, _>>()?;

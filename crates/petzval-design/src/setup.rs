@@ -13,7 +13,7 @@ use petzval_learn::score::standard_scores;
 use crate::block::{Blocks, ExposureBlock, ImitationPlan, IspBlock, NetworkBlock, OpticsBlock};
 use crate::camera::{Camera, Shot};
 use crate::cameras::Cameras;
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{Experiment, ExposureSetting, Variant, places_of};
 use crate::library::Library;
 use crate::study::Study;
@@ -42,7 +42,7 @@ impl Deref for Setup {
 
 impl Setup {
     /// An experiment with the windows for its training and its scores.
-    pub fn new(experiment: Experiment, library: &Library, device: Device) -> Result<Self, DesignError> {
+    pub fn new(experiment: Experiment, library: &Library, device: Device) -> Result<Self> {
         Self::with_psfs(experiment, library, device, None, Purpose::Training)
     }
 
@@ -53,7 +53,7 @@ impl Setup {
         device: Device,
         psfs: Option<&Arc<PsfBank>>,
         purpose: Purpose,
-    ) -> Result<Self, DesignError> {
+    ) -> Result<Self> {
         let setup = Self::without_windows(experiment, library, device)?;
         let setup = match psfs {
             Some(bank) => setup.having_psfs(bank.clone())?,
@@ -67,25 +67,17 @@ impl Setup {
     }
 
     /// The same setup, without windows, whose cameras have these PSFs in place of those of their lenses; see [`Cameras::with_psfs`].
-    pub fn having_psfs(self, bank: Arc<PsfBank>) -> Result<Self, DesignError> {
+    pub fn having_psfs(self, bank: Arc<PsfBank>) -> Result<Self> {
         Ok(Self { cameras: self.cameras.with_psfs(bank)?, windows: None, ..self })
     }
 
     /// [`Setup::new`] to score cameras on pictures of which none trains: all those of the folder that the experiment names.
-    pub fn for_scores(
-        experiment: Experiment,
-        library: &Library,
-        device: Device,
-    ) -> Result<Self, DesignError> {
+    pub fn for_scores(experiment: Experiment, library: &Library, device: Device) -> Result<Self> {
         Self::with_psfs(experiment, library, device, None, Purpose::Scores)
     }
 
     /// [`Setup::new`] without windows, for what is not done with them.
-    pub fn without_windows(
-        experiment: Experiment,
-        library: &Library,
-        device: Device,
-    ) -> Result<Self, DesignError> {
+    pub fn without_windows(experiment: Experiment, library: &Library, device: Device) -> Result<Self> {
         let task = library.tasks().of(&experiment)?;
         let cameras = Cameras::new(experiment, &task.facts(), library, device)?;
         let task = task.prepare(&cameras.experiment, library, &cameras.body.device)?;
@@ -93,7 +85,7 @@ impl Setup {
         Ok(Self { cameras, task, windows: None, study, cancel: library.cancel().clone() })
     }
 
-    fn with_windows(self, library: &Library, purpose: Purpose) -> Result<Self, DesignError> {
+    fn with_windows(self, library: &Library, purpose: Purpose) -> Result<Self> {
         let windows = self.task.windows(&WindowPlan {
             experiment: &self.experiment,
             assets: library,
@@ -108,17 +100,17 @@ impl Setup {
     }
 
     /// The windows of the task. Fails for a setup without them.
-    pub fn windows(&self) -> Result<&dyn Windows, DesignError> {
+    pub fn windows(&self) -> Result<&dyn Windows> {
         self.windows.as_deref().ok_or(DesignError::NoWindows)
     }
 
     /// A network as a variant starts with it, untrained or with given weights: the same bits for every variant of a run.
-    pub fn network(&self) -> Result<NetworkBlock, DesignError> {
+    pub fn network(&self) -> Result<NetworkBlock> {
         self.task.network(self)
     }
 
     /// What the cameras are optimised for.
-    pub fn objective(&self) -> Result<Box<dyn Objective>, DesignError> {
+    pub fn objective(&self) -> Result<Box<dyn Objective>> {
         self.task.objective(self)
     }
 
@@ -128,12 +120,12 @@ impl Setup {
     }
 
     /// The training windows of a step.
-    pub fn training_shots(&self, camera: &Camera, step: u64) -> Result<Vec<Shot>, DesignError> {
+    pub fn training_shots(&self, camera: &Camera, step: u64) -> Result<Vec<Shot>> {
         self.windows()?.training(self, camera, step)
     }
 
     /// The training windows of a step as a camera would see them if its lens were another one like it, whose image is so many times as large.
-    pub fn magnified_shots(&self, camera: &Camera, step: u64, by: f64) -> Result<Vec<Shot>, DesignError> {
+    pub fn magnified_shots(&self, camera: &Camera, step: u64, by: f64) -> Result<Vec<Shot>> {
         match self.windows()?.magnified(self, camera, step, by)? {
             Some(magnified) => Ok(magnified),
             None => self.training_shots(camera, step),
@@ -141,21 +133,17 @@ impl Setup {
     }
 
     /// The windows of every validation, in batches.
-    pub fn validation_shots(&self, camera: &Camera) -> Result<Vec<Vec<Shot>>, DesignError> {
+    pub fn validation_shots(&self, camera: &Camera) -> Result<Vec<Vec<Shot>>> {
         self.windows()?.validation(self, camera)
     }
 
     /// Those of the held-out windows that are chosen by their number.
-    pub fn held_out_shots(
-        &self,
-        camera: &Camera,
-        is_chosen: &dyn Fn(usize) -> bool,
-    ) -> Result<Vec<HeldOut>, DesignError> {
+    pub fn held_out_shots(&self, camera: &Camera, is_chosen: &dyn Fn(usize) -> bool) -> Result<Vec<HeldOut>> {
         self.windows()?.held_out(self, camera, is_chosen)
     }
 
     /// Held-out pictures, and places of the sensor at which each of them is scored.
-    pub fn held_out_pictures(&self) -> Result<[usize; 2], DesignError> {
+    pub fn held_out_pictures(&self) -> Result<[usize; 2]> {
         Ok(self.windows()?.held_out_pictures(&self.experiment))
     }
 
@@ -168,7 +156,7 @@ impl Setup {
     }
 
     /// The parameters of the hardware ISP at the start, of which those that the experiment names may move.
-    pub fn isp(&self) -> Result<IspBlock, DesignError> {
+    pub fn isp(&self) -> Result<IspBlock> {
         let Some(chip) = &self.body.chip else {
             return Ok(IspBlock::new(Vec::new(), Vec::new(), Vec::new()));
         };
@@ -192,7 +180,7 @@ impl Setup {
     }
 
     /// The blocks as a variant finds them before its first stage, at the numbers of its lens file and the start of its network.
-    pub fn blocks(&self, variant: &Variant) -> Result<Blocks, DesignError> {
+    pub fn blocks(&self, variant: &Variant) -> Result<Blocks> {
         let weight = self.experiment.constraints.weight;
         let optics = OpticsBlock::new(self.start(variant).clone(), weight).with_field(variant.field);
         Ok(Blocks { optics, exposure: self.exposure(), isp: self.isp()?, network: self.network()? })

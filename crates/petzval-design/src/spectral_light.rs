@@ -7,7 +7,7 @@ use petzval_camera::sensor::Colour;
 use petzval_camera::spectral::{ColourElectrons, ElectronsError};
 use petzval_optics::lens::Lens;
 
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::lens::psf_plan::PsfPlan;
 
 /// The bands of a scene, made when they are needed.
@@ -47,7 +47,7 @@ pub fn render_spectral(
     window: Window,
     done: &dyn Fn(usize),
     cancel: &Cancel,
-) -> Result<ColourElectrons, DesignError> {
+) -> Result<ColourElectrons> {
     let colours: Vec<Colour> = bands.weights.iter().map(|(colour, _)| *colour).collect();
     let mut electrons: Option<ColourElectrons> = None;
     for group in bands.seen().chunks(CHANNELS) {
@@ -78,7 +78,7 @@ fn through_lens(
     three: [usize; CHANNELS],
     window: Window,
     cancel: &Cancel,
-) -> Result<LinearImage, DesignError> {
+) -> Result<LinearImage> {
     let bank = PsfPlan { wavelengths_um: three.map(|b| bands.um[b]), ..plan.clone() }.bank(lens)?;
     let picture = (bands.planes)(three);
     Ok(light_on_pixels(geometry, &bank, &picture, bands.distortion, &window, bands.samples, cancel)?)

@@ -11,7 +11,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::assets::Assets;
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::Experiment;
 use crate::library::Library;
 
@@ -57,7 +57,7 @@ pub struct MeanAndDeviation {
 impl Study {
     /// The built-in study, if this is the experiment that it repeated: every key that a figure depends on agrees but the seed, and lens and sensor
     /// have the same content.
-    pub fn of(experiment: &Experiment, library: &Library) -> Result<Option<Self>, DesignError> {
+    pub fn of(experiment: &Experiment, library: &Library) -> Result<Option<Self>> {
         let study = Self::built_in(library)?;
         let repeated = library.experiment(&study.experiment)?;
         let is_it = agrees(experiment, &repeated)
@@ -67,7 +67,7 @@ impl Study {
     }
 
     /// The built-in study.
-    pub fn built_in(assets: &Assets) -> Result<Self, DesignError> {
+    pub fn built_in(assets: &Assets) -> Result<Self> {
         let source = assets.text("study", "studies", STUDY)?;
         toml::from_str(&source.text)
             .map_err(|e| DesignError::input(&source.path)(FileError::from_toml(&source.text, &e)))
@@ -109,7 +109,7 @@ fn agrees(one: &Experiment, other: &Experiment) -> bool {
 }
 
 /// Whether two names stand for the same lens, with the same variables and solves.
-pub fn is_same_lens(one: &str, other: &str, assets: &Assets) -> Result<bool, DesignError> {
+pub fn is_same_lens(one: &str, other: &str, assets: &Assets) -> Result<bool> {
     Ok(one == other || write_lens(&assets.import(one)?.file) == write_lens(&assets.import(other)?.file))
 }
 

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::block::{Batch, Block, BlockState, Blocks, losses_of};
 use crate::camera::{Camera, Shot};
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{BlockName, Keep};
 use crate::objective::Objective;
 use crate::run::{load_state, save_state};
@@ -28,7 +28,7 @@ pub fn validation_loss(
     batches: &[Vec<Shot>],
     noise: &Noise,
     loss: &dyn Objective,
-) -> Result<f64, DesignError> {
+) -> Result<f64> {
     let (mut sum, mut windows) = (0.0, 0);
     for shots in batches {
         let total = losses_of(&Batch::new(camera, shots, *noise, loss), camera, shots)?[TOTAL];
@@ -57,12 +57,7 @@ pub struct Validations {
 
 impl Validations {
     /// Those of a checkpoint.
-    pub fn load(
-        folder: &Path,
-        course: Option<Course>,
-        keep: Keep,
-        blocks: &Blocks,
-    ) -> Result<Self, DesignError> {
+    pub fn load(folder: &Path, course: Option<Course>, keep: Keep, blocks: &Blocks) -> Result<Self> {
         let mut found = Self { course, best: BTreeMap::new() };
         if course.is_some() && keep == Keep::Best {
             for block in with_numbers(blocks) {
@@ -73,7 +68,7 @@ impl Validations {
     }
 
     /// Keeps the best numbers in a checkpoint, whose position keeps the course.
-    pub fn save(&self, folder: &Path) -> Result<(), DesignError> {
+    pub fn save(&self, folder: &Path) -> Result<()> {
         let folder = folder.join(BEST);
         self.best.iter().try_for_each(|(block, state)| save_state(&folder, *block, state))
     }
@@ -84,7 +79,7 @@ impl Validations {
     }
 
     /// Takes up the loss of the blocks as they stand.
-    pub fn add(&mut self, loss: f64, blocks: &Blocks, keep: Keep) -> Result<(), DesignError> {
+    pub fn add(&mut self, loss: f64, blocks: &Blocks, keep: Keep) -> Result<()> {
         if let Some(course) = self.course.as_mut().filter(|course| course.least <= loss) {
             course.misses += 1;
             return Ok(());
@@ -104,7 +99,7 @@ impl Validations {
     }
 
     /// Ends the stage: gives the blocks their best numbers, if those were kept, and forgets all validations.
-    pub fn end(&mut self, blocks: &mut Blocks) -> Result<(), DesignError> {
+    pub fn end(&mut self, blocks: &mut Blocks) -> Result<()> {
         let best = std::mem::take(self).best;
         best.iter().try_for_each(|(name, state)| {
             let problem = |problem| DesignError::Unwritable { what: "the best numbers of a stage", problem };

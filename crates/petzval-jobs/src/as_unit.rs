@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::Result;
 
 /// What a job lets a runner of many jobs change in its request. Each part is left out where a job has no such thing.
 ///
@@ -20,11 +20,21 @@ pub struct AsUnit<R> {
 }
 
 /// Finds files behind those that a request names.
-pub(crate) type Behind<R> = fn(&R, &Context) -> Result<Vec<PathBuf>, JobError>;
+pub(crate) type Behind<R> = fn(&R, &Context) -> Result<Vec<PathBuf>>;
 
 impl<R> AsUnit<R> {
     /// A job without a seed that writes nothing.
     pub(crate) const PLAIN: Self = Self { seed: None, place: None, going_on: None, behind: None };
+
+    /// A job without a seed that writes into a folder, or below it.
+    pub(crate) const fn placed(place: fn(&mut R, &Path)) -> Self {
+        Self { place: Some(place), ..Self::PLAIN }
+    }
+
+    /// The same for a job with a seed.
+    pub(crate) const fn seeded(seed: fn(&mut R, u64), place: fn(&mut R, &Path)) -> Self {
+        Self { seed: Some(seed), ..Self::placed(place) }
+    }
 }
 
 /// A file in a folder, with the name of another path; `named` where that has none.

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::glass::context_with;
 use crate::job::Row;
 use crate::keys::error_in_keys;
@@ -66,7 +66,7 @@ impl Call {
     }
 
     /// Reads a call from a file. The error names the file, the line and the key.
-    pub fn read(path: &Path) -> Result<Self, JobError> {
+    pub fn read(path: &Path) -> Result<Self> {
         let text = petzval_base::read_text(path).map_err(|e| {
             JobError::input(format!("{}: {e}", path.display()), "give a call in JSON, as UTF-8 text")
         })?;
@@ -79,7 +79,7 @@ impl Call {
     }
 
     /// Reads a call. The error names the line and the key.
-    pub fn parse(text: &str) -> Result<Self, JobError> {
+    pub fn parse(text: &str) -> Result<Self> {
         let hint =
             "a call is {\"format\": 1, \"job\": NAME, \"request\": {...}}; `petzval jobs` lists the names";
         let refused = |error: serde_json::Error| JobError::input(format!("call: {error}"), hint);
@@ -98,11 +98,11 @@ impl Call {
 
     /// Makes it. Its glasses take precedence over those of the context. In a context without a command line, results name the job. Events and
     /// errors name keys of the request in place of flags of the command.
-    pub fn run(self, context: &Context) -> Result<Value, JobError> {
+    pub fn run(self, context: &Context) -> Result<Value> {
         self.made(&context.clone().in_keys()).map_err(error_in_keys)
     }
 
-    fn made(self, context: &Context) -> Result<Value, JobError> {
+    fn made(self, context: &Context) -> Result<Value> {
         if self.threads > MOST_THREADS {
             let message = format!("call: `threads` is {}, more than {MOST_THREADS}", self.threads);
             return Err(JobError::input(message, "0 means those of the process"));
@@ -126,7 +126,7 @@ impl Call {
 
 impl Call {
     /// The request, with the device of the call where the job takes one.
-    fn request_on_device(&self, row: &Row) -> Result<Value, JobError> {
+    fn request_on_device(&self, row: &Row) -> Result<Value> {
         let Some(device) = &self.device else { return Ok(self.request.clone()) };
         let takes_one = row.schema().pointer("/properties/device").is_some();
         let (true, Some(keys)) = (takes_one, self.request.as_object()) else {
@@ -150,7 +150,7 @@ impl Call {
 }
 
 /// The row of a name. The error says which names come near.
-pub fn row(name: &str) -> Result<&'static Row, JobError> {
+pub fn row(name: &str) -> Result<&'static Row> {
     jobs().iter().find(|row| row.name == name).ok_or_else(|| {
         let names: Vec<&str> = jobs().iter().map(|row| row.name).collect();
         let near = petzval_base::nearest(name, &names);

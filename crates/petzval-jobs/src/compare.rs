@@ -3,8 +3,6 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use petzval_base::write_whole;
-use petzval_design::error::DesignError;
 use petzval_design::inputs::check_parts_or_accepted;
 use petzval_design::report::comparison::{ComparedDifference, Comparison, compare, comparison_csv};
 use petzval_design::report::run_report::report_of_run;
@@ -19,29 +17,23 @@ use serde::{Deserialize, Serialize};
 
 use crate::as_unit::{AsUnit, within};
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result, write_file};
 use crate::event::WarningKind;
 use crate::results::{check_file, has_ending};
 use crate::run_page::warn_of_missing_pictures;
 
-/// Runs to compare.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Folders of finished runs; those that differ in the seed alone are taken together.
-    pub runs: Vec<PathBuf>,
-    /// The page.
-    pub out: PathBuf,
-    /// Comma-separated values of the cameras; not written without a name.
-    pub csv: Option<PathBuf>,
-    /// Files or folders of the runs, by their path below them, that may differ from their digests.
-    pub accept_changed: Vec<String>,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        let out = PathBuf::from("comparison.html");
-        Self { runs: Vec::new(), out, csv: None, accept_changed: Vec::new() }
+petzval_base::parameters! {
+    /// Runs to compare.
+    pub struct Request {}
+    also {
+        /// Folders of finished runs; those that differ in the seed alone are taken together.
+        runs: Vec<PathBuf> = Vec::new();
+        /// The page.
+        out: PathBuf = PathBuf::from("comparison.html");
+        /// Comma-separated values of the cameras; not written without a name.
+        csv: Option<PathBuf> = None;
+        /// Files or folders of the runs, by their path below them, that may differ from their digests.
+        accept_changed: Vec<String> = Vec::new();
     }
 }
 
@@ -58,13 +50,11 @@ pub struct Response {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    place: Some(|request, folder| request.out = within(folder, &request.out, "comparison.html")),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit::placed(|request, folder| request.out = within(folder, &request.out, "comparison.html"));
 
 /// Compares finished runs and writes the page.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     if request.runs.is_empty() {
         return Err(JobError::input("there is no run to compare", "name folders of finished runs"));
     }
@@ -81,11 +71,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         groups.push(group(comparison, context)?);
     }
     let differences = differences(&comparisons);
-    write_whole(&request.out, page(differences.as_ref(), &groups).as_bytes())
-        .map_err(DesignError::io(&request.out))?;
+    write_file(&request.out, page(differences.as_ref(), &groups))?;
     context.wrote(&request.out, "page");
     if let Some(path) = &request.csv {
-        write_whole(path, comparison_csv(&comparisons).as_bytes()).map_err(DesignError::io(path))?;
+        write_file(path, comparison_csv(&comparisons))?;
         context.wrote(path, "table");
     }
     let of_group = |group: &Group| {
@@ -99,7 +88,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 }
 
 /// Refuses runs whose lens, sensor, ISP or networks were edited since: the page shows lenses as the folders hold them, beside scores.
-fn check_inputs(request: &Request, context: &Context, warn: &dyn Fn(&str)) -> Result<(), JobError> {
+fn check_inputs(request: &Request, context: &Context, warn: &dyn Fn(&str)) -> Result<()> {
     // What is said of an experiment and its lens is said once, where the page is made.
     let silent = context.assets.clone().reporting_warnings(Arc::new(|_: &str| ()));
     for run in &request.runs {
@@ -113,7 +102,7 @@ fn check_inputs(request: &Request, context: &Context, warn: &dyn Fn(&str)) -> Re
 }
 
 /// Sees that the names of the results say what they hold.
-fn check_endings(request: &Request) -> Result<(), JobError> {
+fn check_endings(request: &Request) -> Result<()> {
     let Request { out, csv, .. } = request;
     if !["html", "htm"].iter().any(|ending| has_ending(out, ending)) {
         let page = out.with_extension("html");
@@ -149,7 +138,7 @@ fn check_endings(request: &Request) -> Result<(), JobError> {
 }
 
 /// An experiment on the page: the tables of its comparison, and lenses, curves and pictures of its first run.
-fn group(comparison: &Comparison, context: &Context) -> Result<Group, JobError> {
+fn group(comparison: &Comparison, context: &Context) -> Result<Group> {
     let folder = RunFolder::open(&comparison.runs[0])?;
     let experiment = context.assets.experiment_of_run(&folder)?;
     let setup = Setup::without_windows(experiment, &context.assets, context.device("cpu")?)?;

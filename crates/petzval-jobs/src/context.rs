@@ -12,7 +12,7 @@ use petzval_learn::loss::Lpips;
 use petzval_learn::score::{Score, standard_scores};
 
 use crate::device;
-use crate::error::{JobError, Stopped};
+use crate::error::{JobError, Result, Stopped};
 use crate::event::{Event, WarningKind, Watcher};
 use crate::guest::{Host, Workers};
 use crate::kept::Kept;
@@ -156,7 +156,7 @@ impl Context {
     }
 
     /// Fails if the job is cancelled: for the end of a unit of work. `message` says where the job stopped.
-    pub fn check<M: Into<String>>(&self, message: impl FnOnce() -> M) -> Result<(), JobError> {
+    pub fn check<M: Into<String>>(&self, message: impl FnOnce() -> M) -> Result<()> {
         if self.is_cancelled() { Err(self.stopped(message()).into()) } else { Ok(()) }
     }
 
@@ -198,7 +198,7 @@ impl Context {
     }
 
     /// Every score of a picture, computed on the processor.
-    pub fn scores(&self) -> Result<Vec<Box<dyn Score>>, JobError> {
+    pub fn scores(&self) -> Result<Vec<Box<dyn Score>>> {
         let weights = self.assets.bytes("weights/lpips_alex_f16.safetensors")?;
         let lpips = Lpips::from_safetensors(weights, &self.device("cpu")?)
             .map_err(|e| JobError::failed(format!("LPIPS: {e}")))?;
@@ -206,7 +206,7 @@ impl Context {
     }
 
     /// The tensor device of a name, with automatic differentiation: `cpu`, or one that this build has a feature for.
-    pub fn device(&self, name: &str) -> Result<Device, JobError> {
+    pub fn device(&self, name: &str) -> Result<Device> {
         device::device(name)
     }
 }

@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::context::Context;
 use crate::design::{NewRun, config_of};
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::experiment::with_every_key;
 
 /// A run to begin.
@@ -36,7 +36,7 @@ pub struct Response {
 }
 
 /// Gives the experiment. Nothing is written, and no picture is read.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let (experiment, folder) = config_of(&request.run, context)?;
     let values = serde_json::to_value(&experiment).map_err(|e| JobError::failed(e.to_string()))?;
     let is_taken = folder.join("config.toml").exists();

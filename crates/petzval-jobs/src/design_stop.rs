@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 
 /// A run at work.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -25,7 +25,7 @@ pub struct Response {
 }
 
 /// Sends the process the signal that ends a design with a checkpoint.
-pub fn run(request: &Request, _: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, _: &Context) -> Result<Response> {
     let folder = RunFolder::open(&request.run)?;
     let run = request.run.display();
     if !folder.is_at_work() {
@@ -53,7 +53,7 @@ pub fn run(request: &Request, _: &Context) -> Result<Response, JobError> {
 }
 
 #[cfg(unix)]
-fn end(holder: &Holder) -> Result<(), JobError> {
+fn end(holder: &Holder) -> Result<()> {
     let pid = i32::try_from(holder.pid).ok().and_then(rustix::process::Pid::from_raw);
     let pid = pid.ok_or_else(|| JobError::failed(format!("{holder}: this is no number of a process")))?;
     rustix::process::kill_process(pid, rustix::process::Signal::TERM)
@@ -61,6 +61,6 @@ fn end(holder: &Holder) -> Result<(), JobError> {
 }
 
 #[cfg(not(unix))]
-fn end(holder: &Holder) -> Result<(), JobError> {
+fn end(holder: &Holder) -> Result<()> {
     Err(JobError::input(format!("{holder}: this system has no signals"), "end it by Ctrl-C in its window"))
 }

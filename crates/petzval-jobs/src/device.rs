@@ -5,7 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use petzval_learn::Device;
 
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 
 /// Names of all devices, whether this build can use them or another one.
 pub const DEVICES: [&str; 3] = ["cpu", "wgpu", "cuda"];
@@ -22,7 +22,7 @@ pub fn compiled_in_devices() -> Vec<(&'static str, &'static str)> {
 }
 
 /// The device of a name, with automatic differentiation. A GPU is opened, so that one that is not there is an error now.
-pub(crate) fn device(name: &str) -> Result<Device, JobError> {
+pub(crate) fn device(name: &str) -> Result<Device> {
     match name {
         "cpu" => Ok(Device::flex().autodiff()),
         #[cfg(feature = "wgpu")]
@@ -49,7 +49,7 @@ pub(crate) fn keep_tuning_for_the_user() {}
 
 /// Opens a GPU.
 #[cfg(any(feature = "wgpu", feature = "cuda"))]
-fn opened(name: &str, device: impl FnOnce() -> Device) -> Result<Device, JobError> {
+fn opened(name: &str, device: impl FnOnce() -> Device) -> Result<Device> {
     use std::sync::Once;
 
     static TUNING: Once = Once::new();

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::context::Context;
 use crate::device::compiled_in_devices;
 use crate::device_check::{DeviceReport, check_device};
-use crate::error::JobError;
+use crate::error::Result;
 use crate::machine::{Environment, environment};
 use crate::range::check_ranges;
 
@@ -42,7 +42,7 @@ petzval_base::parameters! {
 }
 
 /// Looks at the machine, and reads every built-in file; one that cannot be read is an error.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let assets = &context.assets;
     let names = |folder| assets.names(folder).into_iter().map(str::to_owned).collect::<Vec<_>>();
     let (lenses, sensors, experiments) = (names("lenses"), names("sensors"), names("experiments"));

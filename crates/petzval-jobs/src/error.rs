@@ -26,6 +26,9 @@ pub enum Fault {
     Job,
 }
 
+/// What a job gives, or why it ends without.
+pub type Result<T, E = JobError> = std::result::Result<T, E>;
+
 /// Why a job ends without a response.
 #[derive(Debug, thiserror::Error)]
 pub enum JobError {
@@ -345,12 +348,12 @@ pub fn text_of_file(path: &Path) -> Option<String> {
 }
 
 /// Writes a file wholly or not at all.
-pub(crate) fn write_file(path: &Path, contents: impl AsRef<[u8]>) -> Result<(), JobError> {
+pub(crate) fn write_file(path: &Path, contents: impl AsRef<[u8]>) -> Result<()> {
     Ok(write_whole(path, contents.as_ref()).map_err(DesignError::io(path))?)
 }
 
 /// Makes the folder for results, with its parents. A name at which none can be made is a mistake of the request.
-pub(crate) fn make_folder(path: &Path) -> Result<(), JobError> {
+pub(crate) fn make_folder(path: &Path) -> Result<()> {
     let wrong = |message: String| {
         JobError::setting("out", path.display(), message, "give a folder; it is made if it does not exist")
     };
@@ -365,7 +368,7 @@ pub(crate) fn make_folder(path: &Path) -> Result<(), JobError> {
 const LONGEST_PATH: usize = 3900;
 
 /// Fails if a name or a path is longer than file systems hold. A folder that does not exist yet would fail only when it is made.
-pub(crate) fn check_length(path: &Path) -> Result<(), JobError> {
+pub(crate) fn check_length(path: &Path) -> Result<()> {
     let whole = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let bytes = whole.as_os_str().len();
     let longest = whole.components().map(|part| part.as_os_str().len()).max().unwrap_or(0);
@@ -381,7 +384,7 @@ pub(crate) fn check_length(path: &Path) -> Result<(), JobError> {
 }
 
 /// A value as indented JSON, with the keys of its objects in alphabetical order.
-pub fn json(value: &impl serde::Serialize) -> Result<String, JobError> {
+pub fn json(value: &impl serde::Serialize) -> Result<String> {
     let text = || serde_json::to_string_pretty(&serde_json::to_value(value)?);
     text().map_err(|e: serde_json::Error| JobError::failed(e.to_string()))
 }

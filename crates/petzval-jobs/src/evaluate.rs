@@ -29,7 +29,7 @@ use serde::{Deserialize, Serialize};
 use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::design::{pictures_now, report_pictures, scorer};
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::event::WarningKind;
 use crate::given_psfs;
 use crate::lens::tolerance::read as read_tolerances;
@@ -40,41 +40,27 @@ pub use crate::lens::tolerance::{Compensate, Grade};
 pub use petzval_design::run::{MadeMetrics, Metrics};
 pub use petzval_learn::score::ScoreDescription;
 
-/// A finished run.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Its folder.
-    pub run: PathBuf,
-    /// Where tensors live.
-    pub device: String,
-    /// Photographs: those of the run where they are now, or others, all of which are scored.
-    pub photos: Option<PathBuf>,
-    /// Labelled pictures: those of the run where they are now, or others, all of which are scored. A folder or a file of annotations.
-    pub data: Option<PathBuf>,
-    /// Files or folders of the run, by their path below it, that may differ from their digests.
-    pub accept_changed: Vec<String>,
-    /// PSFs by rays or by waves, in place of those of the run.
-    pub psf: Option<PsfKind>,
-    /// PSFs in place of those of each camera's lens: the folder of results of `psf` or `psf-calibrate`, or its `psf.json`. They form the images, and
-    /// development and restoration know them; networks and ISPs stay as they were trained. Spots and fields of view are those of the lens.
-    pub psfs: Option<PathBuf>,
-    /// Also make cameras at random, whose lenses are off by their tolerances, and score them.
-    pub made: Option<Made>,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Self {
-            run: PathBuf::new(),
-            device: crate::usual::device(),
-            photos: None,
-            data: None,
-            accept_changed: Vec::new(),
-            psf: None,
-            psfs: None,
-            made: None,
-        }
+petzval_base::parameters! {
+    /// A finished run.
+    pub struct Request {}
+    also {
+        /// Its folder.
+        run: PathBuf = PathBuf::new();
+        /// Where tensors live.
+        device: String = crate::usual::device();
+        /// Photographs: those of the run where they are now, or others, all of which are scored.
+        photos: Option<PathBuf> = None;
+        /// Labelled pictures: those of the run where they are now, or others, all of which are scored. A folder or a file of annotations.
+        data: Option<PathBuf> = None;
+        /// Files or folders of the run, by their path below it, that may differ from their digests.
+        accept_changed: Vec<String> = Vec::new();
+        /// PSFs by rays or by waves, in place of those of the run.
+        psf: Option<PsfKind> = None;
+        /// PSFs in place of those of each camera's lens: the folder of results of `psf` or `psf-calibrate`, or its `psf.json`. They form the images, and
+        /// development and restoration know them; networks and ISPs stay as they were trained. Spots and fields of view are those of the lens.
+        psfs: Option<PathBuf> = None;
+        /// Also make cameras at random, whose lenses are off by their tolerances, and score them.
+        made: Option<Made> = None;
     }
 }
 
@@ -155,7 +141,7 @@ pub(crate) const UNIT: AsUnit<Request> = AsUnit {
 
 /// Scores the cameras: lenses by exact tracing, pictures on the held-out photographs. The run folder stays as it is, unless cameras are made
 /// from the designs: then `tolerance.json` is written, and the report with its figures.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     if let Some(made) = &request.made {
         check_ranges(made)?;
     }
@@ -254,7 +240,7 @@ fn without_ceilings(mut kept: Metrics, context: &Context) -> Metrics {
 }
 
 /// Refuses what would trace lenses beside PSFs of a file.
-fn check_given(request: &Request, experiment: &Experiment) -> Result<(), JobError> {
+fn check_given(request: &Request, experiment: &Experiment) -> Result<()> {
     if let (Some(path), Some(_)) = (&request.psfs, request.psf) {
         let hint = "leave one of psfs and psf out";
         return Err(JobError::setting("psfs", path.display(), "not together with rays or waves", hint));
@@ -279,7 +265,7 @@ fn setup(
     (place, given): (Option<&Path>, Option<&Arc<PsfBank>>),
     request: &Request,
     context: &Context,
-) -> Result<(Setup, bool), JobError> {
+) -> Result<(Setup, bool)> {
     let device = || context.device(&request.device);
     let Some(place) = place else {
         check_pictures_are_there(folder, &experiment, context.assets.facts_of(&experiment)?.pictures)?;
@@ -371,7 +357,7 @@ fn largest_difference(rows: &[CameraMetrics], kept: &Metrics) -> (f64, Option<St
 }
 
 /// A camera of a run as it was finished.
-pub(crate) fn camera_of(setup: &Setup, folder: &RunFolder, name: &str) -> Result<Camera, JobError> {
+pub(crate) fn camera_of(setup: &Setup, folder: &RunFolder, name: &str) -> Result<Camera> {
     let (mut exposure, mut isp, mut network) = (setup.exposure(), setup.isp()?, setup.network()?);
     let blocks: [&mut dyn Block; 3] = [&mut exposure, &mut isp, &mut network];
     load_blocks(&folder.camera(name), blocks, Kept::Numbers)?;
@@ -400,7 +386,7 @@ fn make(
     scorer: &Scorer,
     folder: &RunFolder,
     context: &Context,
-) -> Result<MadeMetrics, JobError> {
+) -> Result<MadeMetrics> {
     let setup = scorer.setup();
     let total = (designs.len() * made.trials) as u64;
     let Made { trials, seed, pictures, calibrate, .. } = *made;
@@ -464,7 +450,7 @@ fn make(
 
 impl Made {
     /// The designs whose lenses can be made; a lens without aberrations cannot.
-    fn designs(&self, metrics: &Metrics, folder: &RunFolder) -> Result<Vec<DesignToMake>, JobError> {
+    fn designs(&self, metrics: &Metrics, folder: &RunFolder) -> Result<Vec<DesignToMake>> {
         let mut designs = Vec::new();
         for row in metrics.rows.iter().filter(|row| !row.is_ceiling) {
             let lens = camera_lens(folder, &row.camera)?.lens;
@@ -479,7 +465,7 @@ impl Made {
         Ok(designs)
     }
 
-    fn of_lens(&self, lens: &Lens) -> Result<Tolerances, JobError> {
+    fn of_lens(&self, lens: &Lens) -> Result<Tolerances> {
         let file = match &self.tolerances {
             LensTolerances::Grade(grade) => {
                 ToleranceFile { grade: Some((*grade).into()), ..ToleranceFile::default() }

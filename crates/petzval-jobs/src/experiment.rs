@@ -6,7 +6,7 @@ use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::Result;
 
 /// The experiment that runs when none is named.
 pub const DEFAULT_EXPERIMENT: &str = "cooke-triplet-image-quality";
@@ -28,7 +28,7 @@ pub struct Entry {
 pub struct ListRequest {}
 
 /// The built-in experiments, by name.
-pub fn list(_: &ListRequest, context: &Context) -> Result<Vec<Entry>, JobError> {
+pub fn list(_: &ListRequest, context: &Context) -> Result<Vec<Entry>> {
     let entry = |name: &str| {
         let experiment = context.assets.experiment(name)?;
         let variants = experiment.variant.iter().map(|v| v.name.clone()).collect();
@@ -46,12 +46,12 @@ pub struct ShowRequest {
 }
 
 /// The text of an experiment.
-pub fn show(request: &ShowRequest, context: &Context) -> Result<String, JobError> {
+pub fn show(request: &ShowRequest, context: &Context) -> Result<String> {
     Ok(context.assets.text("experiment", "experiments", &request.name)?.text)
 }
 
 /// An experiment as a file with every key, its unit and range in a comment, and its default where it differs.
-pub fn with_every_key(experiment: &Experiment) -> Result<String, JobError> {
+pub fn with_every_key(experiment: &Experiment) -> Result<String> {
     Ok(commented_toml(experiment)?)
 }
 
@@ -76,7 +76,7 @@ pub struct SchemaRequest {
 }
 
 /// The JSON Schema of a kind of file: editors complete and check from it.
-pub fn schema(request: &SchemaRequest, _: &Context) -> Result<serde_json::Value, JobError> {
+pub fn schema(request: &SchemaRequest, _: &Context) -> Result<serde_json::Value> {
     let schema = match request.kind {
         FileKind::Experiment => schema_for!(Experiment),
         FileKind::Lens => petzval_files::lens_schema(),

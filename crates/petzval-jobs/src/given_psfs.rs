@@ -8,10 +8,10 @@ use petzval_camera::psf::PsfBank;
 use petzval_files::psf_file::{PsfFault, PsfFile, PsfFileError, axes_file, read_psfs};
 use petzval_lab::psf_calibration::manifest::MANIFEST_FILE;
 
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 
 /// The file that `psfs` of a request names. For captures, the error explains how to measure PSFs from them.
-pub(crate) fn bank_of(path: &Path) -> Result<PsfFile, JobError> {
+pub(crate) fn bank_of(path: &Path) -> Result<PsfFile> {
     let results = path.join("psf-calibration");
     if path.join(MANIFEST_FILE).is_file() && !axes_file(path).is_file() {
         let hint = if axes_file(&results).is_file() {
@@ -28,7 +28,7 @@ pub(crate) fn bank_of(path: &Path) -> Result<PsfFile, JobError> {
 }
 
 /// The PSFs of a file as cameras take them.
-pub(crate) fn bank(path: &Path) -> Result<Arc<PsfBank>, JobError> {
+pub(crate) fn bank(path: &Path) -> Result<Arc<PsfBank>> {
     Ok(Arc::new(bank_of(path)?.for_cameras().map_err(in_file(path))?))
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use petzval_base::{pasted, write_whole};
+use petzval_base::pasted;
 use petzval_camera::develop::Demosaic;
 use petzval_camera::sensor::Colour;
 use petzval_design::error::DesignError;
@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{Result, write_file};
 use crate::event::WarningKind;
 use crate::input::{ExperimentInput, Inline, Input, LensInput, SensorInput};
 use crate::own_lens::{OwnLens, own_lens};
@@ -28,36 +28,24 @@ pub(crate) const EXPERIMENT: &str = "experiment.toml";
 const LENS: &str = "lens.toml";
 const SENSOR: &str = "sensor.toml";
 
-/// What to start from.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// The folder of the files; made if it is not there.
-    pub out: PathBuf,
-    /// An experiment: a built-in name, the path of a file, or the experiment itself.
-    pub from: ExperimentInput,
-    /// A lens in place of the experiment's: a built-in name, the path of a file, also of another program, or the lens itself. The experiment is
-    /// fitted to it.
-    pub lens: Option<LensInput>,
-    /// A sensor in place of the experiment's: a built-in name, the path of a file, or the sensor itself. Without one, a lens of one's own gets the
-    /// sensor that fits it.
-    pub sensor: Option<SensorInput>,
-    /// Folder of photographs in place of the experiment's.
-    pub photos: Option<PathBuf>,
-    /// Folder or file of pictures with labels in place of the experiment's scenes.
-    pub data: Option<PathBuf>,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Self {
-            out: PathBuf::new(),
-            from: crate::experiment::DEFAULT_EXPERIMENT.into(),
-            lens: None,
-            sensor: None,
-            photos: None,
-            data: None,
-        }
+petzval_base::parameters! {
+    /// What to start from.
+    pub struct Request {}
+    also {
+        /// The folder of the files; made if it is not there.
+        out: PathBuf = PathBuf::new();
+        /// An experiment: a built-in name, the path of a file, or the experiment itself.
+        from: ExperimentInput = crate::experiment::DEFAULT_EXPERIMENT.into();
+        /// A lens in place of the experiment's: a built-in name, the path of a file, also of another program, or the lens itself. The experiment is
+        /// fitted to it.
+        lens: Option<LensInput> = None;
+        /// A sensor in place of the experiment's: a built-in name, the path of a file, or the sensor itself. Without one, a lens of one's own gets the
+        /// sensor that fits it.
+        sensor: Option<SensorInput> = None;
+        /// Folder of photographs in place of the experiment's.
+        photos: Option<PathBuf> = None;
+        /// Folder or file of pictures with labels in place of the experiment's scenes.
+        data: Option<PathBuf> = None;
     }
 }
 
@@ -80,12 +68,11 @@ pub struct Response {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> =
-    AsUnit { place: Some(|request, folder| request.out = folder.to_owned()), ..AsUnit::PLAIN };
+pub(crate) const UNIT: AsUnit<Request> = AsUnit::placed(|request, folder| request.out = folder.to_owned());
 
 /// Writes the files. With a lens of one's own the experiment is fitted to it: its title, focus, sensor, fields, PSFs, requirements and, if the file
 /// names none, variables follow from the lens.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let Request { out, from, lens, sensor, photos, data } = request;
     let (from, context) = from.placed(context)?;
     let (lens, context) = placed(lens.as_ref(), context)?;
@@ -146,7 +133,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     std::fs::create_dir_all(out).map_err(DesignError::io(out))?;
     let path = |name: &str| out.join(name);
     for (name, text) in [(LENS, &lens_text), (SENSOR, &sensor_text), (EXPERIMENT, &text)] {
-        write_whole(&path(name), text.as_bytes()).map_err(DesignError::io(&path(name)))?;
+        write_file(&path(name), text)?;
         context.wrote(
             path(name),
             if name == LENS {
@@ -168,21 +155,14 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 }
 
 /// The name of an input that may be left out, and the context in which it is found.
-fn placed<T: Inline>(
-    input: Option<&Input<T>>,
-    context: Context,
-) -> Result<(Option<String>, Context), JobError> {
+fn placed<T: Inline>(input: Option<&Input<T>>, context: Context) -> Result<(Option<String>, Context)> {
     let Some(input) = input else { return Ok((None, context)) };
     let (name, context) = input.placed(&context)?;
     Ok((Some(name), context))
 }
 
 /// An experiment with its own lens, which gets variables if its file names none, and with another sensor if one is named.
-fn as_it_is(
-    mut experiment: Experiment,
-    sensor: Option<&str>,
-    context: &Context,
-) -> Result<OwnLens, JobError> {
+fn as_it_is(mut experiment: Experiment, sensor: Option<&str>, context: &Context) -> Result<OwnLens> {
     let lens = experiment.lens.clone();
     let mut file = context.assets.lens(&lens)?;
     let usual = if file.variables.is_empty() { near_variables(&file.lens, &file.solves()) } else { None };

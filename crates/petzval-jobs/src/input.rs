@@ -18,7 +18,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::{Map, Value};
 
 use crate::context::Context;
-use crate::error::{INLINE, JobError, TABLES};
+use crate::error::{INLINE, JobError, Result, TABLES};
 
 /// An input of a request: a built-in name or a path as text, or the thing itself as an object.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
@@ -137,7 +137,7 @@ pub trait Inline {
     }
 
     /// The text of its file.
-    fn text(&self) -> Result<Cow<'_, str>, JobError>;
+    fn text(&self) -> Result<Cow<'_, str>>;
 }
 
 impl Inline for LensText {
@@ -152,7 +152,7 @@ impl Inline for LensText {
         }
     }
 
-    fn text(&self) -> Result<Cow<'_, str>, JobError> {
+    fn text(&self) -> Result<Cow<'_, str>> {
         let (Self::Toml { toml: text } | Self::Other { text, .. }) = self;
         Ok(text.into())
     }
@@ -162,7 +162,7 @@ impl Inline for LensText {
 impl Inline for TomlText {
     const KIND: &'static str = "sensor";
 
-    fn text(&self) -> Result<Cow<'_, str>, JobError> {
+    fn text(&self) -> Result<Cow<'_, str>> {
         Ok((&self.toml).into())
     }
 }
@@ -177,7 +177,7 @@ impl Inline for ExperimentText {
         }
     }
 
-    fn text(&self) -> Result<Cow<'_, str>, JobError> {
+    fn text(&self) -> Result<Cow<'_, str>> {
         match self {
             Self::Toml(text) => Ok((&text.toml).into()),
             Self::Tables(tables) => toml::to_string(tables).map(Cow::Owned).map_err(|error| {
@@ -208,7 +208,7 @@ impl<T: Inline> Input<T> {
     }
 
     /// The name, and the context in which it is found: a thing that the request holds itself is added to the library.
-    pub fn placed(&self, context: &Context) -> Result<(String, Context), JobError> {
+    pub fn placed(&self, context: &Context) -> Result<(String, Context)> {
         let name = self.name().into_owned();
         let context = context.clone();
         match self {
@@ -227,7 +227,7 @@ impl<T: Inline> Input<T> {
         &self,
         library: &Library,
         read: impl FnOnce(&Library, &str) -> Result<R, DesignError>,
-    ) -> Result<R, JobError> {
+    ) -> Result<R> {
         let name = self.name();
         match self {
             Self::Name(_) => Ok(read(library, &name)?),
@@ -241,21 +241,21 @@ impl<T: Inline> Input<T> {
 
 impl LensInput {
     /// The lens, checked to be possible. What its file loses and what is odd about its glasses is reported.
-    pub fn read(&self, library: &Library) -> Result<LensFile, JobError> {
+    pub fn read(&self, library: &Library) -> Result<LensFile> {
         self.read_from(library, |library, name| library.lens(name))
     }
 }
 
 impl SensorInput {
     /// The sensor.
-    pub fn read(&self, library: &Library) -> Result<SensorModel, JobError> {
+    pub fn read(&self, library: &Library) -> Result<SensorModel> {
         self.read_from(library, |library, name| library.sensor(name))
     }
 }
 
 impl ExperimentInput {
     /// The experiment.
-    pub fn read(&self, library: &Library) -> Result<Experiment, JobError> {
+    pub fn read(&self, library: &Library) -> Result<Experiment> {
         self.read_from(library, Library::experiment)
     }
 }

@@ -12,7 +12,7 @@ use serde_json::Value;
 
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::{JobError, Stopped};
+use crate::error::{JobError, Result, Stopped};
 use crate::panic_place;
 
 /// A verb: a request comes in, a response goes out.
@@ -32,7 +32,7 @@ pub trait Job {
     const UNIT: AsUnit<Self::Request> = AsUnit::PLAIN;
 
     /// Runs it.
-    fn run(request: &Self::Request, context: &Context) -> Result<Self::Response, JobError>;
+    fn run(request: &Self::Request, context: &Context) -> Result<Self::Response>;
 }
 
 /// A job whose types are JSON: a row of the [table](crate::jobs).
@@ -47,17 +47,17 @@ pub struct Row {
     #[serde(skip)]
     response_schema: fn() -> Value,
     #[serde(skip)]
-    filled_in: fn(Value) -> Result<Value, JobError>,
+    filled_in: fn(Value) -> Result<Value>,
     #[serde(skip)]
-    run: fn(Value, &Context) -> Result<Value, JobError>,
+    run: fn(Value, &Context) -> Result<Value>,
     #[serde(skip)]
-    seeded: fn(Value, u64) -> Result<Option<Value>, JobError>,
+    seeded: fn(Value, u64) -> Result<Option<Value>>,
     #[serde(skip)]
-    kept_in: fn(Value, &Path) -> Result<Value, JobError>,
+    kept_in: fn(Value, &Path) -> Result<Value>,
     #[serde(skip)]
-    going_on: fn(Value, &Path) -> Result<Option<Value>, JobError>,
+    going_on: fn(Value, &Path) -> Result<Option<Value>>,
     #[serde(skip)]
-    behind: fn(Value, &Context) -> Result<Vec<PathBuf>, JobError>,
+    behind: fn(Value, &Context) -> Result<Vec<PathBuf>>,
 }
 
 impl Row {
@@ -88,32 +88,32 @@ impl Row {
     }
 
     /// A request with every default filled in. A request that does not fit the schema is an error with the key that is wrong.
-    pub fn filled_in(&self, request: Value) -> Result<Value, JobError> {
+    pub fn filled_in(&self, request: Value) -> Result<Value> {
         (self.filled_in)(request)
     }
 
     /// A request with another seed; none if the job draws nothing at random.
-    pub fn seeded(&self, request: Value, seed: u64) -> Result<Option<Value>, JobError> {
+    pub fn seeded(&self, request: Value, seed: u64) -> Result<Option<Value>> {
         (self.seeded)(request, seed)
     }
 
     /// A request whose results are written into a folder, or below it; the request itself if the job writes nothing.
-    pub fn kept_in(&self, request: Value, folder: &Path) -> Result<Value, JobError> {
+    pub fn kept_in(&self, request: Value, folder: &Path) -> Result<Value> {
         (self.kept_in)(request, folder)
     }
 
     /// The request that goes on from what a folder of [`Row::kept_in`] holds; none if the job has to begin again.
-    pub fn going_on(&self, request: Value, folder: &Path) -> Result<Option<Value>, JobError> {
+    pub fn going_on(&self, request: Value, folder: &Path) -> Result<Option<Value>> {
         (self.going_on)(request, folder)
     }
 
     /// Files and folders on which the result of a request depends, but which only a file that it names refers to.
-    pub fn behind(&self, request: Value, context: &Context) -> Result<Vec<PathBuf>, JobError> {
+    pub fn behind(&self, request: Value, context: &Context) -> Result<Vec<PathBuf>> {
         (self.behind)(request, context)
     }
 
     /// Runs it. A request that does not fit the schema is an error with the key that is wrong; a panic is a failure of this job alone.
-    pub fn run(&self, request: Value, context: &Context) -> Result<Value, JobError> {
+    pub fn run(&self, request: Value, context: &Context) -> Result<Value> {
         let context = context.for_a_job();
         let result = guarded(self.name, || (self.run)(request, &context));
         // Work that does not know of the context does not know what the job has written before.
@@ -127,7 +127,7 @@ impl Row {
 }
 
 /// Does work of a job. A panic is an error that names the job.
-pub fn guarded<T>(job: &str, work: impl FnOnce() -> Result<T, JobError>) -> Result<T, JobError> {
+pub fn guarded<T>(job: &str, work: impl FnOnce() -> Result<T>) -> Result<T> {
     panic_place::keep();
     // What a job leaves half done is dropped with it: its context is lent, and holds nothing that a panic could break.
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
@@ -153,7 +153,7 @@ fn response_schema<J: Job>() -> Value {
         .to_value()
 }
 
-fn request<J: Job>(request: Value) -> Result<J::Request, JobError> {
+fn request<J: Job>(request: Value) -> Result<J::Request> {
     let known = format!("`petzval schema job {}` prints what a request may hold", J::NAME);
     let refused = |error: FileError| {
         let hint = error.hint.as_ref().map_or_else(
@@ -191,22 +191,22 @@ fn misspelt<J: Job>(request: &Value, missing: &str) -> Option<String> {
 }
 
 /// A request as the job reads it, with every default filled in.
-fn filled_in<J: Job>(of: Value) -> Result<Value, JobError> {
+fn filled_in<J: Job>(of: Value) -> Result<Value> {
     to_json(&request::<J>(of)?)
 }
 
-fn to_json(of: &impl Serialize) -> Result<Value, JobError> {
+fn to_json(of: &impl Serialize) -> Result<Value> {
     serde_json::to_value(of).map_err(|e| JobError::failed(e.to_string()))
 }
 
-fn seeded<J: Job>(of: Value, seed: u64) -> Result<Option<Value>, JobError> {
+fn seeded<J: Job>(of: Value, seed: u64) -> Result<Option<Value>> {
     let mut request = request::<J>(of)?;
     let Some(set) = J::UNIT.seed else { return Ok(None) };
     set(&mut request, seed);
     to_json(&request).map(Some)
 }
 
-fn kept_in<J: Job>(of: Value, folder: &Path) -> Result<Value, JobError> {
+fn kept_in<J: Job>(of: Value, folder: &Path) -> Result<Value> {
     let mut request = request::<J>(of)?;
     if let Some(place) = J::UNIT.place {
         place(&mut request, folder);
@@ -214,18 +214,18 @@ fn kept_in<J: Job>(of: Value, folder: &Path) -> Result<Value, JobError> {
     to_json(&request)
 }
 
-fn going_on<J: Job>(of: Value, folder: &Path) -> Result<Option<Value>, JobError> {
+fn going_on<J: Job>(of: Value, folder: &Path) -> Result<Option<Value>> {
     let request = request::<J>(of)?;
     let again = J::UNIT.going_on.and_then(|going_on| going_on(&request, folder));
     again.as_ref().map(to_json).transpose()
 }
 
-fn behind<J: Job>(of: Value, context: &Context) -> Result<Vec<PathBuf>, JobError> {
+fn behind<J: Job>(of: Value, context: &Context) -> Result<Vec<PathBuf>> {
     let request = request::<J>(of)?;
     J::UNIT.behind.map_or_else(|| Ok(Vec::new()), |behind| behind(&request, context))
 }
 
-fn run<J: Job>(of: Value, context: &Context) -> Result<Value, JobError> {
+fn run<J: Job>(of: Value, context: &Context) -> Result<Value> {
     let request = request::<J>(of)?;
     to_json(&J::run(&request, context)?)
 }
@@ -246,7 +246,7 @@ mod tests {
         type Request = u32;
         type Response = u32;
 
-        fn run(request: &u32, _: &Context) -> Result<u32, JobError> {
+        fn run(request: &u32, _: &Context) -> Result<u32> {
             assert!(*request != 0, "zero is nothing");
             // In a thread of the pool, whose panic goes on in the caller's.
             rayon::join(|| assert!(*request != 1, "one is too few: {request}"), || ());

@@ -76,7 +76,7 @@ pub use call::{CALL_FORMAT, Call, row};
 pub use context::{Context, Silent};
 pub use device::{DEVICES, compiled_in_devices};
 pub use device_check::{DeviceReport, Verdict};
-pub use error::{ErrorReport, Fault, JobError, Place, Stopped, json, text_of_file};
+pub use error::{ErrorReport, Fault, JobError, Place, Result, Stopped, json, text_of_file};
 pub use event::{CameraScore, Event, TimeLeft, WarningKind, Watcher};
 pub use input::{ExperimentInput, LensInput, SensorInput};
 pub use job::{Job, Row, guarded};

@@ -8,7 +8,7 @@ use petzval_design::fit::{FitOf, fit};
 use petzval_files::write_lens;
 
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::event::WarningKind;
 
 /// Endings of lens files of other programs.
@@ -49,7 +49,7 @@ pub(crate) fn own_lens(
     lens: &str,
     sensor: Option<&str>,
     context: &Context,
-) -> Result<OwnLens, JobError> {
+) -> Result<OwnLens> {
     let import = context.assets.reported(lens)?;
     let pictures = context.assets.facts_of(&experiment)?.pictures;
     let fitted = fit(FitOf { experiment, lens: import, lens_name: lens, sensor, pictures }, &context.assets)?;

@@ -5,7 +5,7 @@ use std::path::Path;
 use petzval_design::experiment::{Experiment, PicturesKey};
 use petzval_design::path_text::path_text;
 
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 
 /// An experiment with pictures of the user's own: photographs, or a data set with labels, whichever `key` the experiment reads.
 pub(crate) fn with_pictures(
@@ -13,7 +13,7 @@ pub(crate) fn with_pictures(
     photos: Option<&Path>,
     data: Option<&Path>,
     key: PicturesKey,
-) -> Result<Experiment, JobError> {
+) -> Result<Experiment> {
     if let Some(photos) = photos {
         if key == PicturesKey::Data {
             let hint = "name the pictures with their labels: --data, or `data` of a call";
@@ -33,7 +33,7 @@ pub(crate) fn with_pictures(
 }
 
 /// The path of a file or folder that is there, from the root.
-pub(crate) fn absolute(path: &Path) -> Result<String, JobError> {
+pub(crate) fn absolute(path: &Path) -> Result<String> {
     let path = std::fs::canonicalize(path).map_err(|error| {
         JobError::input(format!("{}: {error}", path.display()), "give a folder or file that exists")
     })?;

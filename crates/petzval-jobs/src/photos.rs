@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::built_in::photographs;
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::Result;
 
 /// Nothing to choose.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -23,7 +23,7 @@ pub struct Response {
 }
 
 /// Lists them.
-pub fn run(_: &Request, _: &Context) -> Result<Response, JobError> {
+pub fn run(_: &Request, _: &Context) -> Result<Response> {
     let scenes = SceneKind::ALL.into_iter().map(|kind| format!("scene:{}", kind.name())).collect();
     Ok(Response { photos: photographs(), scenes })
 }

@@ -5,10 +5,10 @@ use petzval_camera::psf::PsfBank;
 use petzval_design::error::DesignError;
 use petzval_files::raw_file::RawFrame;
 
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 
 /// Refuses pixels that are no picture in linear light: three planes of at least one pixel, finite values that are not negative.
-pub(crate) fn check_picture(picture: &LinearImage, name: &str) -> Result<(), JobError> {
+pub(crate) fn check_picture(picture: &LinearImage, name: &str) -> Result<()> {
     let LinearImage { channels, height, width, data } = picture;
     let wrong = |what: String| {
         let hint = "give red, green and blue planes, row by row, in linear light: 0 is black, 1 is white";
@@ -32,7 +32,7 @@ pub(crate) fn check_picture(picture: &LinearImage, name: &str) -> Result<(), Job
 }
 
 /// Refuses a raw frame that has not one number for each pixel. `name` is what errors call it.
-pub(crate) fn check_numbers<T>(frame: &RawFrame<T>, name: &str) -> Result<(), JobError> {
+pub(crate) fn check_numbers<T>(frame: &RawFrame<T>, name: &str) -> Result<()> {
     let RawFrame { height, width, dn, .. } = frame;
     if dn.is_empty() || height.checked_mul(*width) != Some(dn.len()) {
         let message = format!("{name}: {} digital numbers for {height}x{width} pixels", dn.len());
@@ -42,7 +42,7 @@ pub(crate) fn check_numbers<T>(frame: &RawFrame<T>, name: &str) -> Result<(), Jo
 }
 
 /// Refuses PSFs that no picture can be rendered with.
-pub(crate) fn check_psfs(bank: &PsfBank) -> Result<(), JobError> {
+pub(crate) fn check_psfs(bank: &PsfBank) -> Result<()> {
     bank.validate().map_err(|error| {
         let error = DesignError::from(petzval_camera::render::RenderError::from(error));
         JobError::input(format!("the PSFs: {error}"), "")

@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::{JobError, make_folder, write_file};
+use crate::error::{JobError, Result, make_folder, write_file};
 use crate::event::WarningKind;
 use crate::input::LensInput;
 use crate::lens::focus::focus_elsewhere;
@@ -72,7 +72,7 @@ pub struct Response {
 
 impl Request {
     /// The PSFs' fields, wavelengths and grids, once every setting is in its range.
-    fn plan(&self) -> Result<PsfPlan, JobError> {
+    fn plan(&self) -> Result<PsfPlan> {
         let (options, quadrature) = self.options()?;
         let [red, green, blue] = self.wavelengths[..] else {
             let hint = "for example 0.62,0.55,0.486";
@@ -82,7 +82,7 @@ impl Request {
     }
 
     /// The grid of each PSF and that of the pupil, once every setting is in its range.
-    pub fn options(&self) -> Result<(PsfOptions, Quadrature), JobError> {
+    pub fn options(&self) -> Result<(PsfOptions, Quadrature)> {
         check_ranges(self)?;
         let quadrature = Quadrature::grid(self.pupil_cells).map_err(|e| {
             JobError::setting("pupil_cells", self.pupil_cells, e.to_string(), "256 is accurate, 64 is quick")
@@ -152,17 +152,16 @@ impl Bank {
 }
 
 /// Computes the PSFs; writes nothing.
-pub fn bank(request: &Request, context: &Context) -> Result<Bank, JobError> {
+pub fn bank(request: &Request, context: &Context) -> Result<Bank> {
     let (lens, plan) = prepared(request, context)?;
     computed(request, &lens, &plan, context)
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> =
-    AsUnit { place: Some(|request, folder| request.out = folder.to_owned()), ..AsUnit::PLAIN };
+pub(crate) const UNIT: AsUnit<Request> = AsUnit::placed(|request, folder| request.out = folder.to_owned());
 
 /// Computes the PSFs, and keeps them as files.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let (lens, plan) = prepared(request, context)?;
     check_folder(&request.out, FILES, context)?;
     let bank = computed(request, &lens, &plan, context)?;
@@ -175,7 +174,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 }
 
 /// The lens and the plan of its PSFs, once every setting is known to be possible.
-fn prepared(request: &Request, context: &Context) -> Result<(Lens, PsfPlan), JobError> {
+fn prepared(request: &Request, context: &Context) -> Result<(Lens, PsfPlan)> {
     let lens = request.lens.read(&context.assets)?.lens;
     // A near object has an image behind an afocal lens, too: that of a relay.
     let is_far = lens.object == ObjectDistance::Infinity;
@@ -228,7 +227,7 @@ fn seen_part(bank: &Bank, lens: &Lens) -> Option<String> {
 }
 
 /// The PSFs, on as many pupil cells as they need.
-fn computed(request: &Request, lens: &Lens, plan: &PsfPlan, context: &Context) -> Result<Bank, JobError> {
+fn computed(request: &Request, lens: &Lens, plan: &PsfPlan, context: &Context) -> Result<Bank> {
     let beyond = |field_deg: f64| {
         // A thousandth beyond the outermost field is the same field.
         let stated = StatedField::of(lens).filter(|stated| field_deg.abs() > 1.001 * stated.field_deg)?;
@@ -287,7 +286,7 @@ fn computed(request: &Request, lens: &Lens, plan: &PsfPlan, context: &Context) -
 }
 
 /// Keeps a bank as the files of `psf` in a folder; returns their paths.
-pub fn keep(bank: &Bank, folder: &Path) -> Result<Vec<PathBuf>, JobError> {
+pub fn keep(bank: &Bank, folder: &Path) -> Result<Vec<PathBuf>> {
     make_folder(folder)?;
     let sheet = folder.join(SHEET);
     write_file(&sheet, psf_sheet(&bank.psfs, &bank.plan.options, bank.plan.wavelengths_um))?;

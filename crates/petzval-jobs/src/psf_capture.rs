@@ -3,7 +3,6 @@
 use std::f64::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
 
-use petzval_base::write_whole;
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Noise, NoiseMode, SensorModel};
 use petzval_design::error::DesignError;
@@ -19,7 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::{JobError, make_folder};
+use crate::error::{JobError, Result, make_folder, write_file};
 use crate::frames::Frames;
 use crate::input::{Input, LensInput, SensorInput};
 use crate::pinhole::{PinholePsf, PinholeView, Refocus};
@@ -128,14 +127,11 @@ pub struct CapturedPosition {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    seed: Some(|request, seed| request.seed = seed),
-    place: Some(|request, folder| request.out = folder.to_owned()),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit::seeded(|request, seed| request.seed = seed, |request, folder| request.out = folder.to_owned());
 
 /// Traces the PSFs, exposes all frames, and writes them with their manifest.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     request.check()?;
     let (lens_name, context) = &request.lens.placed(context)?;
     let (name_of_sensor, context) = &request.sensor.placed(context)?;
@@ -152,7 +148,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
         context.check(|| "stopped before any frame was taken")?;
         Ok((radius_mm, view.psf(radius_mm)?))
     });
-    let psfs: Vec<(f64, PinholePsf)> = psfs.collect::<Result<_, JobError>>()?;
+    let psfs: Vec<(f64, PinholePsf)> = psfs.collect::<Result<_>>()?;
     let places = places(request, &psfs, &sensor, context)?;
     let scale = brightness(request, &sensor, &places);
 
@@ -172,7 +168,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let path = request.out.join(MANIFEST_FILE);
     let text = manifest.to_toml().map_err(|e| JobError::failed(format!("{}: {e}", path.display())))?;
     let head = format!("# Simulated: {} through {}.\n", sensor.name, lens.name);
-    write_whole(&path, format!("{head}{text}").as_bytes()).map_err(DesignError::io(&path))?;
+    write_file(&path, format!("{head}{text}"))?;
     context.wrote(&path, "list of captures");
     Ok(Response {
         frames: places.len() * request.frames_of_a_place(),
@@ -188,7 +184,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 
 impl Request {
     /// Checks that every setting is in its range, and that the folder holds no captures.
-    fn check(&self) -> Result<(), JobError> {
+    fn check(&self) -> Result<()> {
         check_ranges(self)?;
         let is_ascending =
             !self.exposures_ms.is_empty() && self.exposures_ms.windows(2).all(|ms| ms[0] < ms[1]);
@@ -227,7 +223,7 @@ impl Request {
 }
 
 /// The name of the sensor in the manifest. A sensor that is not built in is copied beside the manifest, so that the folder is complete.
-fn sensor_name(request: &Request) -> Result<String, JobError> {
+fn sensor_name(request: &Request) -> Result<String> {
     let text = match &request.sensor {
         Input::Name(name) if !Path::new(name).is_file() => return Ok(name.clone()),
         Input::Name(path) => {
@@ -236,7 +232,7 @@ fn sensor_name(request: &Request) -> Result<String, JobError> {
         Input::Inline(sensor) => sensor.toml.clone().into_bytes(),
     };
     let copy = request.out.join("sensor.toml");
-    write_whole(&copy, &text).map_err(DesignError::io(&copy))?;
+    write_file(&copy, &text)?;
     Ok("sensor.toml".to_owned())
 }
 
@@ -278,7 +274,7 @@ fn places<'a>(
     psfs: &'a [(f64, PinholePsf)],
     sensor: &SensorModel,
     context: &Context,
-) -> Result<Vec<Place<'a>>, JobError> {
+) -> Result<Vec<Place<'a>>> {
     let mut axes: Vec<Axis> = Vec::new();
     for axis in &request.axes {
         if !axes.contains(axis) {
@@ -384,7 +380,7 @@ fn take_all(
     places: &[Place],
     scale: f64,
     context: &Context,
-) -> Result<Vec<Position>, JobError> {
+) -> Result<Vec<Position>> {
     let progress = Frames::new(context, places.len() * request.frames_of_a_place());
     let noise = Noise { mode: NoiseMode::Exact, seed: request.seed };
     let mut number = 0u64;
@@ -396,7 +392,7 @@ fn take_all(
             WindowLight { rate_e_per_s: day.rate_e_per_s.each_ref().map(|p| vec![0.0; p.len()]), ..day };
         let mut exposure = Vec::new();
         for time_ms in &request.exposures_ms {
-            let mut take = |light: &WindowLight, kind: &str, n: usize| -> Result<String, JobError> {
+            let mut take = |light: &WindowLight, kind: &str, n: usize| -> Result<String> {
                 let raw = take_frame(light, sensor, 1e-3 * time_ms, 1.0, &noise, number)
                     .map_err(DesignError::from)?;
                 number += 1;

@@ -3,11 +3,11 @@
 use petzval_base::parameter::{OutOfRange, Parameters};
 use petzval_files::wavelength_hint;
 
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 
 /// Refuses a request whose number lies outside its range: the error names key, value, range and hint. A value that is no number lies outside
 /// every range.
-pub(crate) fn check_ranges(request: &impl Parameters) -> Result<(), JobError> {
+pub(crate) fn check_ranges(request: &impl Parameters) -> Result<()> {
     let Some(wrong) = request.out_of_range() else { return Ok(()) };
     let OutOfRange { parameter, value } = wrong;
     let unit = if parameter.unit.is_empty() { String::new() } else { format!(" {}", parameter.unit) };

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::apply::taken;
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::Result;
 use crate::evaluate::camera_of;
 use crate::event::WarningKind;
 use crate::run_figures::check_figures;
@@ -46,7 +46,7 @@ pub struct Response {
 }
 
 /// Writes the report.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let folder = RunFolder::open(&request.run)?;
     let warn = |text: &str| context.warning(WarningKind::ChangedFile, text);
     let check = DigestCheck::new(&folder, &request.accept_changed, &warn);
@@ -62,12 +62,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 }
 
 /// Takes a photograph over the whole sensor by every camera, and keeps the scene and the frames in the run folder.
-fn take_whole_frames(
-    setup: &Setup,
-    folder: &RunFolder,
-    photo: &Path,
-    context: &Context,
-) -> Result<(), JobError> {
+fn take_whole_frames(setup: &Setup, folder: &RunFolder, photo: &Path, context: &Context) -> Result<()> {
     let sensor = &setup.body.sensor;
     let light = load_image(photo).map_err(DesignError::from)?.light;
     let scene = Place::Fill.lay(&light, (sensor.height, sensor.width));

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 use crate::design::scorer;
-use crate::error::JobError;
+use crate::error::Result;
 use crate::event::WarningKind;
 use crate::run_figures::check_figures;
 use crate::run_page::page;
@@ -36,7 +36,7 @@ pub struct Response {
 }
 
 /// Makes the page: of a finished run its report, else the finished cameras, the lens of the camera at work and the losses so far.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let folder = RunFolder::open(&request.run)?;
     let experiment = context.assets.experiment_of_run(&folder)?;
     let setup = Setup::without_windows(experiment, &context.assets, context.device("cpu")?)?;

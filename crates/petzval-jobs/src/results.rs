@@ -6,7 +6,7 @@ use std::path::Path;
 use petzval_base::{PartFolder, sweep_parts_in};
 
 use crate::context::Context;
-use crate::error::{JobError, check_length};
+use crate::error::{JobError, Result, check_length};
 
 /// Endings of files that are read or written here, or that people would expect.
 const FILE_ENDINGS: [&str; 26] = [
@@ -44,7 +44,7 @@ pub(crate) fn check_folder<N: AsRef<Path>>(
     out: &Path,
     names: impl IntoIterator<Item = N>,
     context: &Context,
-) -> Result<(), JobError> {
+) -> Result<()> {
     if out.exists() && !out.is_dir() {
         return Err(refused(out, "this is a file", "give a folder; it is made if it does not exist"));
     }
@@ -88,7 +88,7 @@ pub(crate) fn has_ending(path: &Path, ending: &str) -> bool {
 }
 
 /// Sees that no two results have one name, also on systems that take `A` for `a`.
-pub(crate) fn check_distinct(files: &[String]) -> Result<(), JobError> {
+pub(crate) fn check_distinct(files: &[String]) -> Result<()> {
     let mut seen = std::collections::BTreeSet::new();
     match files.iter().find(|file| !seen.insert(file.to_lowercase())) {
         Some(twice) => Err(JobError::input(
@@ -100,7 +100,7 @@ pub(crate) fn check_distinct(files: &[String]) -> Result<(), JobError> {
 }
 
 /// Sees that a file can be written; its folder must exist. Fails as [`check_folder`] does.
-pub(crate) fn check_file(path: &Path, context: &Context) -> Result<(), JobError> {
+pub(crate) fn check_file(path: &Path, context: &Context) -> Result<()> {
     if path.is_dir() {
         return Err(refused(path, "this is a folder", "name a file"));
     }
@@ -111,7 +111,7 @@ pub(crate) fn check_file(path: &Path, context: &Context) -> Result<(), JobError>
 }
 
 /// Fails if a file is there that the context does not let a job overwrite.
-fn check_unused(path: &Path, context: &Context) -> Result<(), JobError> {
+fn check_unused(path: &Path, context: &Context) -> Result<()> {
     if path.is_file() && !context.overwrites() {
         Err(refused(path, "exists already", "--force replaces it; or name another place"))
     } else {
@@ -120,7 +120,7 @@ fn check_unused(path: &Path, context: &Context) -> Result<(), JobError> {
 }
 
 /// Fails if no file can be made in a folder; `named` is what the request names.
-fn check_writable(folder: &Path, named: &Path) -> Result<(), JobError> {
+fn check_writable(folder: &Path, named: &Path) -> Result<()> {
     if !folder.is_dir() {
         let what = format!("nothing can be written there: {} is no folder", folder.display());
         return Err(refused(named, &what, "make the folder, or name a place that can be written"));

@@ -15,35 +15,24 @@ use crate::as_unit::AsUnit;
 use crate::compare;
 use crate::context::Context;
 use crate::design::{self, Changes, NewRun, Resume, Run};
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::event::WarningKind;
 use crate::results::check_folder;
 
-/// What to run.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Folder for the runs, `EXPERIMENT-seed-SEED` each, and the page. Finished runs in it are kept, interrupted ones go on.
-    pub out: PathBuf,
-    /// Experiments by name or path; all built-in ones if none is named.
-    pub experiments: Vec<String>,
-    /// Seeds. All experiments have a run of the first before any has one of the second.
-    pub seeds: Vec<u64>,
-    /// What differs from the files of the experiments; its seed is ignored.
-    pub changes: Changes,
-    /// Where tensors live.
-    pub device: String,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Self {
-            out: PathBuf::from("runs"),
-            experiments: Vec::new(),
-            seeds: vec![1, 2, 3],
-            changes: Changes::default(),
-            device: crate::usual::device(),
-        }
+petzval_base::parameters! {
+    /// What to run.
+    pub struct Request {}
+    also {
+        /// Folder for the runs, `EXPERIMENT-seed-SEED` each, and the page. Finished runs in it are kept, interrupted ones go on.
+        out: PathBuf = PathBuf::from("runs");
+        /// Experiments by name or path; all built-in ones if none is named.
+        experiments: Vec<String> = Vec::new();
+        /// Seeds. All experiments have a run of the first before any has one of the second.
+        seeds: Vec<u64> = vec![1, 2, 3];
+        /// What differs from the files of the experiments; its seed is ignored.
+        changes: Changes = Changes::default();
+        /// Where tensors live.
+        device: String = crate::usual::device();
     }
 }
 
@@ -58,7 +47,7 @@ pub struct Response {
 }
 
 /// The built-in experiments that compare cameras: with a single one there is no table to make.
-fn comparisons(context: &Context) -> Result<Vec<String>, JobError> {
+fn comparisons(context: &Context) -> Result<Vec<String>> {
     let names = context.assets.names("experiments").into_iter();
     let compares = |name: &str| Ok(context.assets.experiment(name)?.variant.len() > 1);
     names
@@ -82,7 +71,7 @@ pub(crate) const UNIT: AsUnit<Request> = AsUnit {
 };
 
 /// Runs what is not finished yet, then compares all that is. Once it is cancelled it compares what is finished, and the same request goes on.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     if request.seeds.is_empty() {
         return Err(JobError::input("there is no seed", "give one at least"));
     }
@@ -182,7 +171,7 @@ fn root_of(request: &Request, name: &str, seed: u64) -> PathBuf {
 
 /// Refuses a folder that holds a run of another experiment, with another budget or from other inputs. Its figures would pass for those of
 /// the requested run. Lens, sensor and most other inputs are copies in a run's folder: their names differ, and their content is compared.
-fn refuse_other_run(root: &Path, new: &NewRun, request: &Request, context: &Context) -> Result<(), JobError> {
+fn refuse_other_run(root: &Path, new: &NewRun, request: &Request, context: &Context) -> Result<()> {
     let Ok(run) = RunFolder::open(root) else { return Ok(()) };
     let Some(record) = RunRecord::read(&run)? else { return Ok(()) };
     let wanted = design::resolved(new, context)?;

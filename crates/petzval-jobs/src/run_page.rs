@@ -8,25 +8,21 @@ use petzval_design::setup::Setup;
 use petzval_report::design_report::{Report, html, sentences};
 
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::Result;
 use crate::event::WarningKind;
 
 /// The report of a finished run as a page.
-pub(crate) fn page(setup: &Setup, folder: &RunFolder) -> Result<String, JobError> {
+pub(crate) fn page(setup: &Setup, folder: &RunFolder) -> Result<String> {
     Ok(html(&report(setup, folder)?))
 }
 
-fn report(setup: &Setup, folder: &RunFolder) -> Result<Report, JobError> {
+fn report(setup: &Setup, folder: &RunFolder) -> Result<Report> {
     let command = format!("petzval design {}", folder.config().display());
     Ok(report_of_run(setup, folder, &command)?)
 }
 
 /// Writes the report of a run; returns its path, and the result in sentences.
-pub(crate) fn write(
-    setup: &Setup,
-    folder: &RunFolder,
-    context: &Context,
-) -> Result<(PathBuf, Vec<String>), JobError> {
+pub(crate) fn write(setup: &Setup, folder: &RunFolder, context: &Context) -> Result<(PathBuf, Vec<String>)> {
     let report = report(setup, folder)?;
     warn_of_missing_pictures(&report, context);
     write_file(&folder.report(), html(&report).as_bytes())?;
@@ -42,7 +38,7 @@ pub(crate) fn warn_of_missing_pictures(report: &Report, context: &Context) {
 }
 
 /// Warns where `config.toml` is no longer what a finished run was made from: its figures are those of its record.
-pub(crate) fn warn_of_changed_config(folder: &RunFolder, context: &Context) -> Result<(), JobError> {
+pub(crate) fn warn_of_changed_config(folder: &RunFolder, context: &Context) -> Result<()> {
     if let Some(record) = RunRecord::read(folder)?
         && let Some(error) = context.assets.changed_config(&record, folder)?
     {

@@ -12,7 +12,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::Result;
 use crate::range::check_ranges;
 
 petzval_base::parameters! {
@@ -108,7 +108,7 @@ pub struct StepLens {
 }
 
 /// Looks at the run. Nothing in its folder is changed.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     check_ranges(request)?;
     let folder = RunFolder::open(&request.run)?;
     let row = run_row(&request.run, &context.assets);

@@ -3,10 +3,10 @@
 use petzval_design::experiment::Settings;
 use serde_json::Value;
 
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 
 /// Reads settings of the form `key=value`. A value is TOML; a word that is none is a text, so that `psf.kind=diffraction` needs no quotes.
-pub fn settings_of(words: &[String]) -> Result<Settings, JobError> {
+pub fn settings_of(words: &[String]) -> Result<Settings> {
     let mut settings = Settings::new();
     for word in words {
         let refused =

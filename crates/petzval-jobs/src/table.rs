@@ -2,7 +2,7 @@
 
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::Result;
 use crate::job::{Job, Row};
 
 macro_rules! jobs {
@@ -20,7 +20,7 @@ macro_rules! jobs {
                 type Response = $response;
                 $(const UNIT: AsUnit<$request> = $unit;)?
 
-                fn run(request: &$request, context: &Context) -> Result<$response, JobError> {
+                fn run(request: &$request, context: &Context) -> Result<$response> {
                     $run(request, context)
                 }
             }

@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 use crate::design::{NewRun, inputs_of, prepared, resolved};
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::event::WarningKind;
 use crate::experiment::DEFAULT_EXPERIMENT;
 use crate::input::{ExperimentInput, LensInput};
@@ -147,7 +147,7 @@ struct Ready {
 }
 
 /// Looks at the lens.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     check_ranges(request)?;
     let lens = edited(&request.lens, &request.edits, context)?.file.lens;
     let start = request.start.as_ref().map(|start| edited(start, &[], context)).transpose()?;
@@ -160,7 +160,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let own = start.map_or_else(|| setup.start(variant).lens_file.lens.clone(), |start| start.file.lens);
     let noise = setup.noise(variant);
     let objective = setup.objective()?;
-    let loss_of = |lens: Lens| -> Result<f64, JobError> {
+    let loss_of = |lens: Lens| -> Result<f64> {
         let camera = held.with_lens(lens)?;
         let shots = shots(setup, &camera, request)?;
         Ok(losses_of(&Batch::new(&camera, &shots, noise, &*objective), &camera, &shots)?[TOTAL])
@@ -208,7 +208,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 }
 
 /// What the experiment that is kept was made from.
-fn key_of(request: &Request, start: &str, context: &Context) -> Result<String, JobError> {
+fn key_of(request: &Request, start: &str, context: &Context) -> Result<String> {
     if let Some(run) = &request.run {
         let path = std::fs::canonicalize(run).unwrap_or_else(|_| run.clone());
         // A run in work finishes further cameras while the page is open.
@@ -236,7 +236,7 @@ fn key_of(request: &Request, start: &str, context: &Context) -> Result<String, J
 }
 
 /// Makes the experiment ready: its task with windows, and the blocks of a camera.
-fn ready(request: &Request, start: Option<&str>, context: &Context) -> Result<Ready, JobError> {
+fn ready(request: &Request, start: Option<&str>, context: &Context) -> Result<Ready> {
     let device = context.device("cpu")?;
     if let Some(run) = &request.run {
         let folder = RunFolder::open(run)?;
@@ -302,7 +302,7 @@ fn ready(request: &Request, start: Option<&str>, context: &Context) -> Result<Re
 }
 
 /// Holds the blocks of a variant in a camera. Its PSFs are traced, also where a network takes their place while a lens moves.
-fn with_camera(setup: Setup, variant: Variant, blocks: &Blocks, network: String) -> Result<Ready, JobError> {
+fn with_camera(setup: Setup, variant: Variant, blocks: &Blocks, network: String) -> Result<Ready> {
     let lens = setup.start(&variant).lens_file.lens.clone();
     let held = blocks.held(&setup.camera_of(&variant, lens, true)?);
     Ok(Ready { setup, variant, held, network })
@@ -315,13 +315,13 @@ fn last(names: &[&str], setup: &Setup) -> Option<String> {
     names.iter().rev().find(known).or(names.last()).map(|name| (*name).to_owned())
 }
 
-fn variant_named(setup: &Setup, name: &str) -> Result<Variant, JobError> {
+fn variant_named(setup: &Setup, name: &str) -> Result<Variant> {
     let found = setup.variants.iter().find(|variant| variant.name == name);
     found.cloned().ok_or_else(|| JobError::failed(format!("the experiment has no variant `{name}`")))
 }
 
 /// The windows of the batch that a camera takes.
-fn shots(setup: &Setup, camera: &Camera, request: &Request) -> Result<Vec<Shot>, JobError> {
+fn shots(setup: &Setup, camera: &Camera, request: &Request) -> Result<Vec<Shot>> {
     let mut shots = setup.training_shots(camera, request.batch)?;
     shots.truncate(request.windows);
     Ok(shots)
@@ -372,7 +372,7 @@ fn step_of(surface: &Surface, number: Number) -> Option<(f64, &'static str)> {
 }
 
 /// The windows as the camera takes them, with what its network reads in them.
-fn pictures(setup: &Setup, camera: &Camera, shots: &[Shot], noise: &Noise) -> Result<Vec<Picture>, JobError> {
+fn pictures(setup: &Setup, camera: &Camera, shots: &[Shot], noise: &Noise) -> Result<Vec<Picture>> {
     let corner_mm = setup.corner_mm();
     let mut pictures = Vec::with_capacity(shots.len());
     for shot in shots {

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 
 /// Most threads of a call or of the command; far more would hang the machine.
 pub const MOST_THREADS: usize = 1024;
@@ -39,11 +39,11 @@ impl fmt::Display for Source {
 
 /// The number of threads of this process. Zero means that none is given: then `RAYON_NUM_THREADS`, `SLURM_CPUS_PER_TASK` and `HQ_CPUS` are looked
 /// at in this order, and where none of them is set there is one thread per core.
-pub fn threads(given: usize) -> Result<Threads, JobError> {
+pub fn threads(given: usize) -> Result<Threads> {
     chosen(given, |name| std::env::var_os(name).map(|value| value.to_string_lossy().into_owned()))
 }
 
-fn chosen(given: usize, value: impl Fn(&str) -> Option<String>) -> Result<Threads, JobError> {
+fn chosen(given: usize, value: impl Fn(&str) -> Option<String>) -> Result<Threads> {
     if given > 0 {
         return Ok(Threads { number: given, source: Source::Given });
     }
@@ -92,7 +92,7 @@ fn cores_in_list(text: &str) -> Option<usize> {
 mod tests {
     use super::*;
 
-    fn with(variables: &[(&str, &str)], given: usize) -> Result<Threads, JobError> {
+    fn with(variables: &[(&str, &str)], given: usize) -> Result<Threads> {
         let found = |name: &str| variables.iter().find(|(key, _)| *key == name);
         chosen(given, |name| found(name).map(|(_, value)| (*value).to_owned()))
     }

@@ -12,7 +12,7 @@ use serde_json::Value;
 
 use crate::as_unit::{AsUnit, within};
 use crate::context::Context;
-use crate::error::{JobError, write_file};
+use crate::error::{JobError, Result, write_file};
 use crate::results::{check_file, has_ending};
 
 /// Files of weights in the folder of a camera, and in that of a proxy.
@@ -74,15 +74,12 @@ pub struct WeightRow {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    place: Some(|request, folder| {
-        request.to = request.to.as_ref().map(|to| within(folder, to, "weights.safetensors"));
-    }),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> = AsUnit::placed(|request, folder| {
+    request.to = request.to.as_ref().map(|to| within(folder, to, "weights.safetensors"));
+});
 
 /// Reads the weights, and writes them if a file is named.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     if let Some(to) = &request.to {
         check_ending(to)?;
         check_file(to, context)?;
@@ -115,7 +112,7 @@ fn row(weight: NamedArray) -> WeightRow {
 }
 
 /// The network that a request names.
-fn network(request: &Request, context: &Context) -> Result<NamedNetwork, JobError> {
+fn network(request: &Request, context: &Context) -> Result<NamedNetwork> {
     let (path, kind) = (&request.weights, request.kind.as_deref());
     let misfit = |error: NetworkError| {
         let hint = "give all weights of one network, and its `kind` if they fit several";
@@ -136,7 +133,7 @@ fn network(request: &Request, context: &Context) -> Result<NamedNetwork, JobErro
 }
 
 /// The file of weights that a path stands for.
-fn file_of(path: &Path, camera: Option<&str>) -> Result<PathBuf, JobError> {
+fn file_of(path: &Path, camera: Option<&str>) -> Result<PathBuf> {
     let cameras = path.join("cameras");
     if !cameras.is_dir() {
         if let Some(name) = camera {
@@ -186,7 +183,7 @@ fn file_of(path: &Path, camera: Option<&str>) -> Result<PathBuf, JobError> {
 }
 
 /// Fails unless a file to write ends as files of weights do.
-fn check_ending(to: &Path) -> Result<(), JobError> {
+fn check_ending(to: &Path) -> Result<()> {
     if has_ending(to, ENDING) {
         return Ok(());
     }

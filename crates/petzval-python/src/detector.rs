@@ -6,7 +6,7 @@ use petzval_jobs::detect::{ObjectFinder, Source};
 use petzval_jobs::{Context, JobError, usual};
 use pyo3::prelude::*;
 
-use crate::error::exception;
+use crate::error::{exception, refusal};
 use crate::pictures::Picture;
 use crate::watch::{Watch, watched};
 
@@ -51,8 +51,7 @@ impl PyDetector {
         watch: Watch<'_>,
     ) -> PyResult<Found<'py>> {
         if !(0.0..=1.0).contains(&least_score) {
-            let error = JobError::setting("least_score", least_score, "is no score", "between 0 and 1");
-            return Err(exception(py, &error));
+            return Err(refusal(py, "least_score", least_score, "is no score", "between 0 and 1"));
         }
         let given = picture.given(py)?;
         let found = watched(py, &watch, |context| self.0.find(&given.light(context)?, least_score))?;

@@ -3,10 +3,7 @@
 use std::path::PathBuf;
 
 use numpy::ndarray::{Array, Array2, Array3, Array4, ArrayViewD, Dimension, StrideShape};
-use numpy::{
-    AllowTypeChange, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArray4, PyArrayLike2, PyArrayLike3,
-    PyArrayLike4,
-};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArray4};
 use petzval_camera::develop::{Demosaic, Domain};
 use petzval_camera::image::CHANNELS;
 use petzval_camera::isp::{
@@ -19,8 +16,8 @@ use petzval_jobs::{Context, JobError, json};
 use pyo3::prelude::*;
 use serde::de::DeserializeOwned;
 
-use crate::arrays::checked;
-use crate::error::exception;
+use crate::arrays::{Like2, Like3, Like4, checked};
+use crate::error::{exception, refusal};
 use crate::raw_frame::{NAME, PyRawFrame};
 use crate::watch::{Watch, watched};
 
@@ -179,8 +176,8 @@ impl PyIsp {
         &self,
         py: Python<'py>,
         frame: &PyRawFrame,
-        raw: PyArrayLike3<'_, f32, AllowTypeChange>,
-        values: PyArrayLike2<'_, f64, AllowTypeChange>,
+        raw: Like3<'_>,
+        values: Like2<'_>,
         watch: Watch<'_>,
     ) -> PyResult<Bound<'py, PyArray4<f32>>> {
         let batch = self.batch(py, frame, &raw, &values)?;
@@ -195,9 +192,9 @@ impl PyIsp {
         &self,
         py: Python<'py>,
         frame: &PyRawFrame,
-        raw: PyArrayLike3<'_, f32, AllowTypeChange>,
-        values: PyArrayLike2<'_, f64, AllowTypeChange>,
-        cotangent: PyArrayLike4<'_, f32, AllowTypeChange>,
+        raw: Like3<'_>,
+        values: Like2<'_>,
+        cotangent: Like4<'_>,
         watch: Watch<'_>,
     ) -> PyResult<Derivatives<'py>> {
         let batch = self.batch(py, frame, &raw, &values)?;
@@ -239,8 +236,8 @@ impl PyIsp {
         &self,
         py: Python<'_>,
         frame: &PyRawFrame,
-        raw: &PyArrayLike3<'_, f32, AllowTypeChange>,
-        values: &PyArrayLike2<'_, f64, AllowTypeChange>,
+        raw: &Like3<'_>,
+        values: &Like2<'_>,
     ) -> PyResult<Batch> {
         let (frames, height, width) = raw.as_array().dim();
         let raw = checked_f32(py, NAME, raw.as_array().into_dyn(), &[frames, height, width])?;
@@ -326,10 +323,10 @@ pub fn checked_f32(
 ) -> PyResult<Vec<f32>> {
     if values.shape() != shape {
         let (found, hint) = (format!("of shape {:?}", values.shape()), format!("give {shape:?}"));
-        return Err(exception(py, &JobError::setting(name, found, "has the wrong shape", hint)));
+        return Err(refusal(py, name, found, "has the wrong shape", hint));
     }
     if let Some(wrong) = values.iter().find(|v| !v.is_finite()) {
-        return Err(exception(py, &JobError::setting(name, wrong, "is not finite", "")));
+        return Err(refusal(py, name, wrong, "is not finite", ""));
     }
     Ok(values.iter().copied().collect())
 }

@@ -3,14 +3,13 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use numpy::{AllowTypeChange, IntoPyArray, PyArray1, PyArrayLike1};
-use petzval_jobs::JobError;
+use numpy::{IntoPyArray, PyArray1};
 use petzval_jobs::glass::{context_with, named};
 use petzval_optics::glass::Glass;
 use pyo3::prelude::*;
 
-use crate::arrays::finite;
-use crate::error::exception;
+use crate::arrays::{Like1, finite};
+use crate::error::refusal;
 use crate::watch::{Watch, watched};
 
 /// A glass.
@@ -27,11 +26,7 @@ impl PyGlass {
     }
 
     /// Index at wavelengths in um, relative to air and at the temperature of the catalogue.
-    fn index<'py>(
-        &self,
-        py: Python<'py>,
-        wavelengths_um: PyArrayLike1<'_, f64, AllowTypeChange>,
-    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    fn index<'py>(&self, py: Python<'py>, wavelengths_um: Like1<'_>) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let um = self.wavelengths(py, &wavelengths_um)?;
         Ok(um.into_iter().map(|um| self.0.index(um)).collect::<Vec<f64>>().into_pyarray(py))
     }
@@ -40,12 +35,11 @@ impl PyGlass {
     fn transmission<'py>(
         &self,
         py: Python<'py>,
-        wavelengths_um: PyArrayLike1<'_, f64, AllowTypeChange>,
+        wavelengths_um: Like1<'_>,
         path_mm: f64,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         if !(path_mm.is_finite() && path_mm >= 0.0) {
-            let error = JobError::setting("path_mm", path_mm, "is no path", "in mm, 0 or more");
-            return Err(exception(py, &error));
+            return Err(refusal(py, "path_mm", path_mm, "is no path", "in mm, 0 or more"));
         }
         let um = self.wavelengths(py, &wavelengths_um)?;
         let through = |um| self.0.internal_transmission(um, path_mm).unwrap_or(f64::NAN);
@@ -55,7 +49,7 @@ impl PyGlass {
 
 impl PyGlass {
     /// Wavelengths at which the formula holds.
-    fn wavelengths(&self, py: Python<'_>, um: &PyArrayLike1<'_, f64, AllowTypeChange>) -> PyResult<Vec<f64>> {
+    fn wavelengths(&self, py: Python<'_>, um: &Like1<'_>) -> PyResult<Vec<f64>> {
         let um = finite(py, "wavelengths_um", um)?;
         let glass = &self.0;
         let wrong = um.iter().find(|um| **um <= 0.0 || glass.is_outside_range(**um));
@@ -63,6 +57,6 @@ impl PyGlass {
         let [least, most] = glass.range_um.unwrap_or([0.0, f64::INFINITY]);
         let message = format!("the formula of {} does not hold there", glass.name);
         let hint = format!("in um, {least} to {most}; 550 nm is 0.55");
-        Err(exception(py, &JobError::setting("wavelengths_um", wrong, message, hint)))
+        Err(refusal(py, "wavelengths_um", wrong, message, hint))
     }
 }

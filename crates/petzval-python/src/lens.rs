@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use numpy::{AllowTypeChange, PyArrayLike1};
 use petzval_files::{LensFile, write_lens};
 use petzval_jobs::glass::context_with;
 use petzval_jobs::input::{Input, LensFormat, LensText};
@@ -16,8 +15,8 @@ use pyo3::prelude::*;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::arrays::finite;
-use crate::error::exception;
+use crate::arrays::{Like1, finite};
+use crate::error::{exception, refusal};
 use crate::watch::{Watch, watched};
 
 /// A lens, and the glass catalogues that it was read with.
@@ -80,7 +79,7 @@ impl PyLens {
     ) -> PyResult<Self> {
         let format: LensFormat = serde_json::from_value(format.into()).map_err(|_| {
             let hint = "\"toml\", \"zmx\", \"seq\" or \"json\"";
-            exception(py, &JobError::setting("format", format, "no such format", hint))
+            refusal(py, "format", format, "no such format", hint)
         })?;
         let input = Input::Inline(LensText::Other { text, format });
         let file = watched(py, &watch, |context| read(&input, &glasses, context))?;
@@ -167,12 +166,7 @@ impl PyLens {
     }
 
     /// Spot diagrams of fields in degrees, as JSON.
-    fn spots(
-        &self,
-        py: Python<'_>,
-        fields_deg: PyArrayLike1<'_, f64, AllowTypeChange>,
-        watch: Watch<'_>,
-    ) -> PyResult<String> {
+    fn spots(&self, py: Python<'_>, fields_deg: Like1<'_>, watch: Watch<'_>) -> PyResult<String> {
         let fields = finite(py, "fields_deg", &fields_deg)?;
         let options = AnalysisOptions::default();
         self.by_field(py, &fields, &watch, |lens, field| spot_diagram(lens, field, &options))
@@ -182,26 +176,20 @@ impl PyLens {
     fn mtf(
         &self,
         py: Python<'_>,
-        fields_deg: PyArrayLike1<'_, f64, AllowTypeChange>,
-        per_mm: PyArrayLike1<'_, f64, AllowTypeChange>,
+        fields_deg: Like1<'_>,
+        per_mm: Like1<'_>,
         watch: Watch<'_>,
     ) -> PyResult<String> {
         let (fields, frequencies) = (finite(py, "fields_deg", &fields_deg)?, finite(py, "per_mm", &per_mm)?);
         if let Some(negative) = frequencies.iter().find(|f| **f < 0.0) {
-            let error = JobError::setting("per_mm", negative, "a frequency is not negative", "cycles per mm");
-            return Err(exception(py, &error));
+            return Err(refusal(py, "per_mm", negative, "a frequency is not negative", "cycles per mm"));
         }
         let options = AnalysisOptions::default();
         self.by_field(py, &fields, &watch, |lens, field| mtf_at(lens, field, &frequencies, &options))
     }
 
     /// Wavefronts of fields in degrees, as JSON.
-    fn wavefront(
-        &self,
-        py: Python<'_>,
-        fields_deg: PyArrayLike1<'_, f64, AllowTypeChange>,
-        watch: Watch<'_>,
-    ) -> PyResult<String> {
+    fn wavefront(&self, py: Python<'_>, fields_deg: Like1<'_>, watch: Watch<'_>) -> PyResult<String> {
         let fields = finite(py, "fields_deg", &fields_deg)?;
         self.by_field(py, &fields, &watch, wavefront)
     }

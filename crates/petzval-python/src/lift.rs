@@ -1,7 +1,7 @@
 //! Curvature steps of a lens: the loss of its PSFs is lifted to the rays, as the lens block of a design does it.
 
 use nalgebra::DMatrix;
-use numpy::{AllowTypeChange, IntoPyArray, PyArray1, PyArray2, PyArrayLike1, PyArrayLike2, PyArrayMethods};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use petzval_design::block::{Lift, Lifted};
 use petzval_jobs::JobError;
 use petzval_optics::constraint::penalty;
@@ -11,8 +11,8 @@ use petzval_optics::pupil::PupilSampling;
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
-use crate::arrays::{checked, finite};
-use crate::error::exception;
+use crate::arrays::{Like1, Like2, checked, finite};
+use crate::error::refusal;
 use crate::psf::PyPsfPlan;
 use crate::space::{PyDesignSpace, refused};
 use crate::watch::{Watch, watched};
@@ -30,9 +30,9 @@ pub fn lift<'py>(
     py: Python<'py>,
     plan: &PyPsfPlan,
     space: &PyDesignSpace,
-    x: PyArrayLike1<'_, f64, AllowTypeChange>,
+    x: Like1<'_>,
     loss: f64,
-    by_numbers: PyArrayLike1<'_, f64, AllowTypeChange>,
+    by_numbers: Like1<'_>,
     penalty_weight: f64,
     watch: Watch<'_>,
 ) -> PyResult<Option<Curvature<'py>>> {
@@ -40,12 +40,10 @@ pub fn lift<'py>(
     let numbers = space.space().space().numbers();
     let by_numbers = checked(py, "by_numbers", by_numbers.as_array().into_dyn(), &[numbers.len()])?;
     if !(loss > 0.0 && loss.is_finite()) {
-        let error = JobError::setting("loss", loss, "is not positive", "the lift takes losses above zero");
-        return Err(exception(py, &error));
+        return Err(refusal(py, "loss", loss, "is not positive", "the lift takes losses above zero"));
     }
     if !(penalty_weight >= 0.0 && penalty_weight.is_finite()) {
-        let error = JobError::setting("penalty_weight", penalty_weight, "out of range", "at least 0, 1/mm^2");
-        return Err(exception(py, &error));
+        return Err(refusal(py, "penalty_weight", penalty_weight, "out of range", "at least 0, 1/mm^2"));
     }
     let found = watched(py, &watch, |context| {
         let lens = space.lens_of(&x)?;
@@ -106,33 +104,27 @@ fn beams(plan: &PyPsfPlan) -> SpotResiduals {
 #[pyfunction]
 pub fn lifted_step<'py>(
     py: Python<'py>,
-    x: PyArrayLike1<'_, f64, AllowTypeChange>,
-    gradient: PyArrayLike1<'_, f64, AllowTypeChange>,
-    curvature: PyArrayLike2<'_, f64, AllowTypeChange>,
-    average_gradient: PyArrayLike1<'_, f64, AllowTypeChange>,
-    average_curvature: PyArrayLike2<'_, f64, AllowTypeChange>,
+    x: Like1<'_>,
+    gradient: Like1<'_>,
+    curvature: Like2<'_>,
+    average_gradient: Like1<'_>,
+    average_curvature: Like2<'_>,
     steps: i32,
     rate: f64,
 ) -> PyResult<Step<'py>> {
     let mut x = finite(py, "x", &x)?;
     let count = x.len();
-    let vector = |name, array: &PyArrayLike1<'_, f64, AllowTypeChange>| {
-        checked(py, name, array.as_array().into_dyn(), &[count])
-    };
-    let matrix = |name, array: &PyArrayLike2<'_, f64, AllowTypeChange>| {
-        checked(py, name, array.as_array().into_dyn(), &[count, count])
-    };
+    let vector = |name, array: &Like1<'_>| checked(py, name, array.as_array().into_dyn(), &[count]);
+    let matrix = |name, array: &Like2<'_>| checked(py, name, array.as_array().into_dyn(), &[count, count]);
     let gradient = vector("gradient", &gradient)?;
     let curvature = matrix("curvature", &curvature)?;
     let averages =
         (vector("average_gradient", &average_gradient)?, matrix("average_curvature", &average_curvature)?);
     if !(0..i32::MAX).contains(&steps) {
-        let error = JobError::setting("steps", steps, "out of range", "the number of steps so far");
-        return Err(exception(py, &error));
+        return Err(refusal(py, "steps", steps, "out of range", "the number of steps so far"));
     }
     if !rate.is_finite() {
-        let error = JobError::setting("rate", rate, "is not finite", "a share of the way, such as 0.3");
-        return Err(exception(py, &error));
+        return Err(refusal(py, "rate", rate, "is not finite", "a share of the way, such as 0.3"));
     }
     let mut lifted = Lifted::of(averages.0, averages.1, steps);
     lifted.step(&mut x, &gradient, &DMatrix::from_row_slice(count, count, &curvature), rate);

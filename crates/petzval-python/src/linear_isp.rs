@@ -1,9 +1,7 @@
 //! Linear development of the frames of a sensor, with derivatives.
 
 use numpy::ndarray::{Array3, Array4};
-use numpy::{
-    AllowTypeChange, IntoPyArray, PyArray3, PyArray4, PyArrayLike3, PyArrayLike4, PyUntypedArrayMethods,
-};
+use numpy::{IntoPyArray, PyArray3, PyArray4, PyUntypedArrayMethods};
 use petzval_camera::develop::{Demosaic, Domain, LinearIsp};
 use petzval_camera::image::{CHANNELS, LinearImage};
 use petzval_camera::render::Placement;
@@ -14,8 +12,9 @@ use pyo3::prelude::*;
 use rayon::prelude::*;
 use serde::Deserialize;
 
+use crate::arrays::{Like3, Like4};
 use crate::develop::{array, checked_f32, method};
-use crate::error::exception;
+use crate::error::refusal;
 use crate::raw_frame::NAME;
 use crate::watch::{Watch, watched};
 
@@ -95,8 +94,8 @@ impl PyLinearIsp {
     fn develop<'py>(
         &self,
         py: Python<'py>,
-        raw: PyArrayLike3<'_, f32, AllowTypeChange>,
-        illumination: PyArrayLike4<'_, f32, AllowTypeChange>,
+        raw: Like3<'_>,
+        illumination: Like4<'_>,
         watch: Watch<'_>,
     ) -> PyResult<Bound<'py, PyArray4<f32>>> {
         let batch = self.batch(py, &raw, &illumination)?;
@@ -115,9 +114,9 @@ impl PyLinearIsp {
     fn pull_back<'py>(
         &self,
         py: Python<'py>,
-        raw: PyArrayLike3<'_, f32, AllowTypeChange>,
-        illumination: PyArrayLike4<'_, f32, AllowTypeChange>,
-        cotangent: PyArrayLike4<'_, f32, AllowTypeChange>,
+        raw: Like3<'_>,
+        illumination: Like4<'_>,
+        cotangent: Like4<'_>,
         watch: Watch<'_>,
     ) -> PyResult<Derivatives<'py>> {
         let batch = self.batch(py, &raw, &illumination)?;
@@ -146,13 +145,12 @@ impl PyLinearIsp {
     fn batch(
         &self,
         py: Python<'_>,
-        raw: &PyArrayLike3<'_, f32, AllowTypeChange>,
-        illumination: &PyArrayLike4<'_, f32, AllowTypeChange>,
+        raw: &Like3<'_>,
+        illumination: &Like4<'_>,
     ) -> PyResult<Vec<(Raw, LinearImage)>> {
         let (frames, height, width) = raw.as_array().dim();
         if raw.len() == 0 {
-            let error = JobError::setting(NAME, "[]", "is empty", "give at least one frame");
-            return Err(exception(py, &error));
+            return Err(refusal(py, NAME, "[]", "is empty", "give at least one frame"));
         }
         let dn = checked_f32(py, NAME, raw.as_array().into_dyn(), &[frames, height, width])?;
         let light = [frames, CHANNELS, height, width];

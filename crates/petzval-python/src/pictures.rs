@@ -3,14 +3,15 @@
 use std::path::PathBuf;
 
 use numpy::ndarray::{Array3, ArrayView3};
-use numpy::{AllowTypeChange, Element, IntoPyArray, PyArray3, PyArrayLike3, PyReadonlyArray3};
+use numpy::{Element, IntoPyArray, PyArray3, PyReadonlyArray3};
 use petzval_camera::image::{CHANNELS, LinearImage, srgb_decode};
 use petzval_design::error::DesignError;
 use petzval_files::{encoded_png_bytes, load_image};
 use petzval_jobs::{Context, JobError, WarningKind};
 use pyo3::prelude::*;
 
-use crate::error::exception;
+use crate::arrays::Like3;
+use crate::error::{exception, refusal};
 use crate::watch::{Watch, watched};
 
 /// A picture as Python gives it.
@@ -21,7 +22,7 @@ pub enum Picture<'py> {
     /// sRGB-encoded, 255 is white.
     Encoded(PyReadonlyArray3<'py, u8>),
     /// Linear light, 1 is white.
-    Light(PyArrayLike3<'py, f32, AllowTypeChange>),
+    Light(Like3<'py>),
 }
 
 /// A picture that is read, or where it is.
@@ -69,9 +70,7 @@ fn planes<T: Copy>(
     let (height, width, channels) = picture.dim();
     if channels != CHANNELS || height == 0 || width == 0 {
         let found = format!("of shape {:?}", picture.shape());
-        let error =
-            JobError::setting("picture", found, "is no picture", "give [y, x, 3]: red, green and blue");
-        return Err(exception(py, &error));
+        return Err(refusal(py, "picture", found, "is no picture", "give [y, x, 3]: red, green and blue"));
     }
     let data = picture.permuted_axes([2, 0, 1]).iter().map(|v| light(*v)).collect();
     Ok(LinearImage { channels, height, width, data })

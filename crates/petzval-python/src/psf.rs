@@ -1,9 +1,7 @@
 //! PSFs of a lens, and of the lenses of a design space with their gradient.
 
 use numpy::ndarray::{Array1, Array2, Array4};
-use numpy::{
-    AllowTypeChange, IntoPyArray, PyArray1, PyArray2, PyArray4, PyArrayLike1, PyArrayLike2, PyArrayLike4,
-};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray4};
 use petzval_jobs::{Context, JobError, psf};
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::Lens;
@@ -12,8 +10,8 @@ use petzval_optics::pupil::{PupilRefinement, Quadrature, chief_ray, pull_back_ch
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
-use crate::arrays::{checked, finite};
-use crate::error::exception;
+use crate::arrays::{Like1, Like2, Like4, checked, finite};
+use crate::error::{exception, refusal};
 use crate::lens::{PyLens, check_fields};
 use crate::space::PyDesignSpace;
 use crate::watch::{Watch, watched};
@@ -73,8 +71,8 @@ impl PyPsfPlan {
     #[new]
     fn new(
         py: Python<'_>,
-        fields_deg: PyArrayLike1<'_, f64, AllowTypeChange>,
-        wavelengths_um: PyArrayLike1<'_, f64, AllowTypeChange>,
+        fields_deg: Like1<'_>,
+        wavelengths_um: Like1<'_>,
         grid: i64,
         pitch_um: f64,
         kind: &str,
@@ -126,8 +124,7 @@ impl PyPsfPlan {
         watch: Watch<'_>,
     ) -> PyResult<Arrays<'py>> {
         if pupil_error.is_nan() || pupil_error <= 0.0 {
-            let error = JobError::setting("pupil_error", pupil_error, "is not positive", "0.02 is usual");
-            return Err(exception(py, &error));
+            return Err(refusal(py, "pupil_error", pupil_error, "is not positive", "0.02 is usual"));
         }
         let refinement =
             PupilRefinement { tolerance: pupil_error, first_cells: self.pupil_cells, most_cells: 4096 };
@@ -149,7 +146,7 @@ impl PyPsfPlan {
         &self,
         py: Python<'py>,
         space: &PyDesignSpace,
-        numbers: PyArrayLike1<'_, f64, AllowTypeChange>,
+        numbers: Like1<'_>,
         watch: Watch<'_>,
     ) -> PyResult<Arrays<'py>> {
         let lens = space.lens_with(py, &numbers)?;
@@ -167,8 +164,8 @@ impl PyPsfPlan {
         &self,
         py: Python<'py>,
         space: &PyDesignSpace,
-        numbers: PyArrayLike1<'_, f64, AllowTypeChange>,
-        direction: PyArrayLike1<'_, f64, AllowTypeChange>,
+        numbers: Like1<'_>,
+        direction: Like1<'_>,
         watch: Watch<'_>,
     ) -> PyResult<Outputs<'py>> {
         let lens = space.lens_with(py, &numbers)?;
@@ -188,10 +185,10 @@ impl PyPsfPlan {
         &self,
         py: Python<'py>,
         space: &PyDesignSpace,
-        numbers: PyArrayLike1<'_, f64, AllowTypeChange>,
-        values: PyArrayLike4<'_, f64, AllowTypeChange>,
-        illumination: PyArrayLike2<'_, f64, AllowTypeChange>,
-        chief_mm: PyArrayLike2<'_, f64, AllowTypeChange>,
+        numbers: Like1<'_>,
+        values: Like4<'_, f64>,
+        illumination: Like2<'_>,
+        chief_mm: Like2<'_>,
         watch: Watch<'_>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let lens = space.lens_with(py, &numbers)?;

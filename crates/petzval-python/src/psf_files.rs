@@ -3,16 +3,15 @@
 use std::path::PathBuf;
 
 use numpy::ndarray::{Array2, Array4};
-use numpy::{
-    AllowTypeChange, IntoPyArray, PyArray2, PyArray4, PyArrayLike2, PyArrayLike4, PyUntypedArrayMethods,
-};
+use numpy::{IntoPyArray, PyArray2, PyArray4, PyUntypedArrayMethods};
 use petzval_files::FloatType;
 use petzval_files::psf_file::{PsfAxes, PsfFault, PsfFile, read_psfs, write_psfs};
 use petzval_jobs::{JobError, json};
 use petzval_optics::paraxial::image_height_per_tangent;
 use pyo3::prelude::*;
 
-use crate::error::exception;
+use crate::arrays::{Like2, Like4};
+use crate::error::{exception, refusal};
 use crate::lens::PyLens;
 use crate::watch::{Watch, watched};
 
@@ -28,12 +27,7 @@ struct Given {
 }
 
 impl Given {
-    fn new(
-        py: Python<'_>,
-        axes: &str,
-        values: &PyArrayLike4<'_, f64, AllowTypeChange>,
-        illumination: &PyArrayLike2<'_, f64, AllowTypeChange>,
-    ) -> PyResult<Self> {
+    fn new(py: Python<'_>, axes: &str, values: &Like4<'_, f64>, illumination: &Like2<'_>) -> PyResult<Self> {
         let axes = PsfAxes::parse(axes)
             .map_err(|e| exception(py, &JobError::input(e.to_string(), e.hint.unwrap_or_default())))?;
         let (values, light) = (values.as_array(), illumination.as_array());
@@ -42,13 +36,13 @@ impl Given {
         };
         if light.shape() != [fields, colours] {
             let found = format!("of shape {:?}", illumination.shape());
-            let error = JobError::setting(
+            return Err(refusal(
+                py,
                 "illumination",
                 found,
                 "has the wrong shape",
                 format!("give [{fields}, {colours}]"),
-            );
-            return Err(exception(py, &error));
+            ));
         }
         Ok(Self {
             axes,
@@ -87,8 +81,8 @@ fn arrays(py: Python<'_>, bank: PsfFile) -> PyResult<Arrays<'_>> {
 pub fn psfs_of<'py>(
     py: Python<'py>,
     axes: &str,
-    values: PyArrayLike4<'_, f64, AllowTypeChange>,
-    illumination: PyArrayLike2<'_, f64, AllowTypeChange>,
+    values: Like4<'_, f64>,
+    illumination: Like2<'_>,
     watch: Watch<'_>,
 ) -> PyResult<Arrays<'py>> {
     let given = Given::new(py, axes, &values, &illumination)?;
@@ -101,14 +95,14 @@ pub fn psfs_save(
     py: Python<'_>,
     folder: PathBuf,
     axes: &str,
-    values: PyArrayLike4<'_, f64, AllowTypeChange>,
-    illumination: PyArrayLike2<'_, f64, AllowTypeChange>,
+    values: Like4<'_, f64>,
+    illumination: Like2<'_>,
     precision: &str,
     watch: Watch<'_>,
 ) -> PyResult<()> {
     let precision: FloatType = serde_json::from_value(precision.into()).map_err(|_| {
         let hint = "numpy.float16, numpy.float32 or numpy.float64";
-        exception(py, &JobError::setting("dtype", precision, "no type of floats", hint))
+        refusal(py, "dtype", precision, "no type of floats", hint)
     })?;
     let given = Given::new(py, axes, &values, &illumination)?;
     watched(py, &watch, |_| {

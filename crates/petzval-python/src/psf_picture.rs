@@ -1,21 +1,20 @@
 //! PSFs as a picture.
 
-use numpy::{AllowTypeChange, PyArrayLike1, PyArrayLike2, PyArrayLike4};
 use petzval_optics::psf::{FieldPsf, PsfOptions};
 use petzval_report::psf_sheet::psf_sheet_of;
 use pyo3::prelude::*;
 
-use crate::arrays::{checked, finite};
+use crate::arrays::{Like1, Like2, Like4, checked, finite};
 use crate::watch::{Watch, watched};
 
 /// A sheet of PSFs `[field, wavelength, y, x]` as a PNG: a column a field.
 #[pyfunction]
 pub fn psf_picture(
     py: Python<'_>,
-    values: PyArrayLike4<'_, f64, AllowTypeChange>,
-    fields_deg: PyArrayLike1<'_, f64, AllowTypeChange>,
-    chief_mm: PyArrayLike2<'_, f64, AllowTypeChange>,
-    wavelengths_um: PyArrayLike1<'_, f64, AllowTypeChange>,
+    values: Like4<'_, f64>,
+    fields_deg: Like1<'_>,
+    chief_mm: Like2<'_>,
+    wavelengths_um: Like1<'_>,
     pitch_um: f64,
     watch: Watch<'_>,
 ) -> PyResult<Vec<u8>> {

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use numpy::ndarray::Array2;
-use numpy::{AllowTypeChange, IntoPyArray, PyArray2, PyArrayLike2};
+use numpy::{IntoPyArray, PyArray2};
 use petzval_base::FileError;
 use petzval_camera::isp::{FrameData, RawInput};
 use petzval_camera::sensor::{CfaPattern, Exposure};
@@ -13,7 +13,8 @@ use petzval_jobs::{Context, JobError, json, simulate};
 use pyo3::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::error::exception;
+use crate::arrays::Like2;
+use crate::error::{exception, refusal};
 use crate::watch::{Watch, watched};
 
 /// What errors call a frame in memory.
@@ -106,12 +107,7 @@ impl PyRawFrame {
 
     /// A frame of digital numbers `[y, x]`; `about` is JSON.
     #[staticmethod]
-    fn of_numbers(
-        py: Python<'_>,
-        dn: PyArrayLike2<'_, f64, AllowTypeChange>,
-        about: &str,
-        watch: Watch<'_>,
-    ) -> PyResult<Self> {
+    fn of_numbers(py: Python<'_>, dn: Like2<'_>, about: &str, watch: Watch<'_>) -> PyResult<Self> {
         let (view, mut numbers) = (dn.as_array(), Vec::new());
         for ((row, col), value) in view.indexed_iter() {
             let rounded = value.round();
@@ -119,7 +115,7 @@ impl PyRawFrame {
             if !(0.0..=f64::from(u32::MAX)).contains(&rounded) {
                 let message = format!("is no digital number, at row {row}, column {col}");
                 let hint = "numbers from 0 to 2^bits - 1; fractions are rounded";
-                return Err(exception(py, &JobError::setting(NAME, value, message, hint)));
+                return Err(refusal(py, NAME, value, message, hint));
             }
             numbers.push(rounded as u32);
         }

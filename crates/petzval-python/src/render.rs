@@ -1,10 +1,7 @@
 //! Light through a lens: pictures blurred, dimmed and distorted by PSFs, and the blur taken out again.
 
 use numpy::ndarray::{Array3, Array4, ArrayView3, Axis};
-use numpy::{
-    AllowTypeChange, IntoPyArray, PyArray1, PyArray3, PyArray4, PyArrayLike1, PyArrayLike2, PyArrayLike3,
-    PyArrayLike4,
-};
+use numpy::{IntoPyArray, PyArray1, PyArray3, PyArray4};
 use petzval_camera::image::{CHANNELS, LinearImage};
 use petzval_camera::psf::PsfBank;
 use petzval_camera::render::{
@@ -16,8 +13,8 @@ use petzval_design::experiment::PsfConfig;
 use petzval_jobs::JobError;
 use pyo3::prelude::*;
 
-use crate::arrays::finite;
-use crate::error::exception;
+use crate::arrays::{Like1, Like2, Like3, Like4, finite};
+use crate::error::{exception, refusal};
 use crate::lens::PyLens;
 use crate::sensor::{MOST_PIXELS, PySensor};
 use crate::watch::{Watch, watched};
@@ -36,11 +33,7 @@ pub struct PyDistortion(Distortion);
 impl PyDistortion {
     /// A map by image radii and the ideal radius of each, mm.
     #[new]
-    fn new(
-        py: Python<'_>,
-        image_mm: PyArrayLike1<'_, f64, AllowTypeChange>,
-        ideal_mm: PyArrayLike1<'_, f64, AllowTypeChange>,
-    ) -> PyResult<Self> {
+    fn new(py: Python<'_>, image_mm: Like1<'_>, ideal_mm: Like1<'_>) -> PyResult<Self> {
         let (image_mm, ideal_mm) = (finite(py, "image_mm", &image_mm)?, finite(py, "ideal_mm", &ideal_mm)?);
         let refused = |e: petzval_camera::PsfError| {
             let hint =
@@ -69,21 +62,13 @@ impl PyDistortion {
     }
 
     /// The ideal radius of each image radius, mm.
-    fn ideal_mm<'py>(
-        &self,
-        py: Python<'py>,
-        image_mm: PyArrayLike1<'py, f64, AllowTypeChange>,
-    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    fn ideal_mm<'py>(&self, py: Python<'py>, image_mm: Like1<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let radii = finite(py, "image_mm", &image_mm)?;
         Ok(radii.into_iter().map(|r| self.0.ideal_mm(r)).collect::<Vec<_>>().into_pyarray(py))
     }
 
     /// The image radius of each ideal radius, mm.
-    fn image_mm<'py>(
-        &self,
-        py: Python<'py>,
-        ideal_mm: PyArrayLike1<'py, f64, AllowTypeChange>,
-    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    fn image_mm<'py>(&self, py: Python<'py>, ideal_mm: Like1<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let radii = finite(py, "ideal_mm", &ideal_mm)?;
         Ok(radii.into_iter().map(|r| self.0.image_mm(r)).collect::<Vec<_>>().into_pyarray(py))
     }
@@ -116,9 +101,9 @@ impl PyRenderer {
     #[allow(clippy::too_many_arguments)] // The arrays of a bank, as Python has them.
     fn new(
         py: Python<'_>,
-        values: PyArrayLike4<'_, f32, AllowTypeChange>,
-        illumination: PyArrayLike2<'_, f32, AllowTypeChange>,
-        field_radius_mm: PyArrayLike1<'_, f64, AllowTypeChange>,
+        values: Like4<'_>,
+        illumination: Like2<'_, f32>,
+        field_radius_mm: Like1<'_>,
         pitch_um: f64,
         sensor: (usize, usize, f64),
         patches: Option<(usize, usize)>,
@@ -136,10 +121,7 @@ impl PyRenderer {
                 field_radius_mm.len()
             );
             let found = format!("of shapes {:?} and {:?}", values.dim(), illumination.dim());
-            return Err(exception(
-                py,
-                &JobError::setting("psfs", found, "do not fit their field radii", hint),
-            ));
+            return Err(refusal(py, "psfs", found, "do not fit their field radii", hint));
         }
         let bank = |first: usize| {
             let used: Vec<usize> = (first..first + CHANNELS).map(|c| c.min(colours - 1)).collect();
@@ -208,7 +190,7 @@ impl PyRenderer {
     fn light<'py>(
         &self,
         py: Python<'py>,
-        picture: PyArrayLike3<'py, f32, AllowTypeChange>,
+        picture: Like3<'py>,
         distortion: Option<PyRef<'py, PyDistortion>>,
         window: (usize, usize, usize, usize),
         samples: usize,
@@ -234,7 +216,7 @@ impl PyRenderer {
     fn render<'py>(
         &self,
         py: Python<'py>,
-        scene: PyArrayLike3<'py, f32, AllowTypeChange>,
+        scene: Like3<'py>,
         row: usize,
         column: usize,
         watch: Watch<'_>,
@@ -252,10 +234,10 @@ impl PyRenderer {
     fn adjoint<'py>(
         &self,
         py: Python<'py>,
-        scene: PyArrayLike3<'py, f32, AllowTypeChange>,
+        scene: Like3<'py>,
         row: usize,
         column: usize,
-        by_output: PyArrayLike3<'py, f32, AllowTypeChange>,
+        by_output: Like3<'py>,
         watch: Watch<'_>,
     ) -> PyResult<Gradient<'py>> {
         let scenes = self.planes(py, "scene", &scene.as_array(), false)?;
@@ -283,8 +265,8 @@ impl PyRenderer {
     fn restore<'py>(
         &self,
         py: Python<'py>,
-        picture: PyArrayLike3<'py, f32, AllowTypeChange>,
-        wiener: (f32, f32, PyArrayLike2<'py, f32, AllowTypeChange>),
+        picture: Like3<'py>,
+        wiener: (f32, f32, Like2<'py, f32>),
         row: usize,
         column: usize,
         watch: Watch<'_>,
@@ -295,17 +277,11 @@ impl PyRenderer {
         if curves.dim() != (self.colours, KNOTS) || curves.iter().any(|v| !v.is_finite()) {
             let found = format!("of shape {:?}", curves.dim());
             let hint = format!("finite numbers [{}, {KNOTS}]", self.colours);
-            return Err(exception(
-                py,
-                &JobError::setting("curves", found, "are no curves of these colours", hint),
-            ));
+            return Err(refusal(py, "curves", found, "are no curves of these colours", hint));
         }
         for (name, value, low) in [("noise", noise, f32::MIN_POSITIVE), ("power", power, 0.0)] {
             if !(low..=1e6).contains(&value) {
-                return Err(exception(
-                    py,
-                    &JobError::setting(name, value, "is out of range", "noise above 0, power from 0 on"),
-                ));
+                return Err(refusal(py, name, value, "is out of range", "noise above 0, power from 0 on"));
             }
         }
         let of_bank = |first: usize| Wiener {
@@ -342,16 +318,13 @@ impl PyRenderer {
         if colours != self.colours || height == 0 || width == 0 {
             let (found, hint) =
                 (format!("of shape {:?}", picture.dim()), format!("give [y, x, {}]", self.colours));
-            return Err(exception(py, &JobError::setting(name, found, "has the wrong shape", hint)));
+            return Err(refusal(py, name, found, "has the wrong shape", hint));
         }
         if let Some(((y, x, _), value)) =
             picture.indexed_iter().find(|(_, v)| !v.is_finite() || (is_light && **v < 0.0))
         {
             let message = if value.is_finite() { "light is not negative" } else { "is not finite" };
-            return Err(exception(
-                py,
-                &JobError::setting(name, value, message, format!("at row {y}, column {x}")),
-            ));
+            return Err(refusal(py, name, value, message, format!("at row {y}, column {x}")));
         }
         let of_bank = |bank: usize| {
             let mut planes = LinearImage::zeros(CHANNELS, height, width);

@@ -12,7 +12,7 @@ use petzval_jobs::{JobError, SensorInput, json};
 use pyo3::prelude::*;
 use serde_json::{Map, Value};
 
-use crate::error::exception;
+use crate::error::{exception, refusal};
 use crate::watch::{Watch, watched};
 
 /// Most pixels of a frame; each takes up to 50 bytes.
@@ -141,10 +141,7 @@ impl PySensor {
         let mode: NoiseMode = serde_json::from_value(mode.into()).map_err(|_| {
             let hint =
                 "\"exact\", \"dequantised\", \"half_step\", \"straight_through\", \"gaussian\" or \"off\"";
-            exception(
-                py,
-                &JobError::setting("mode", format!("{mode:?}"), "there is no such mode of noise", hint),
-            )
+            refusal(py, "mode", format!("{mode:?}"), "there is no such mode of noise", hint)
         })?;
         let (light, capture) = self.light(py, &electrons.as_array(), settings)?;
         let noise = Noise { mode, seed: settings.0 };
@@ -167,9 +164,7 @@ impl PySensor {
         Settings(_, frame, time_s, linear_gain, row, col): Settings,
     ) -> PyResult<(LinearImage, Capture)> {
         let shape = electrons.shape();
-        let wrong = |found: String, message: &str, hint: &str| {
-            exception(py, &JobError::setting("electrons", found, message, hint))
-        };
+        let wrong = |found: String, message: &str, hint: &str| refusal(py, "electrons", found, message, hint);
         let (&[height, width] | &[height, width, CHANNELS]) = shape else {
             let found = format!("of shape {shape:?}");
             return Err(wrong(

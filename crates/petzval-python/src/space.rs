@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use numpy::{AllowTypeChange, IntoPyArray, PyArray1, PyArray2, PyArrayLike1, PyArrayMethods};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use petzval_design::block::free_slopes;
 use petzval_files::LensFile;
 use petzval_jobs::{JobError, json};
@@ -18,8 +18,8 @@ use petzval_optics::pupil::chief_ray;
 use pyo3::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::arrays::{checked, finite};
-use crate::error::exception;
+use crate::arrays::{Like1, checked, finite};
+use crate::error::{exception, refusal};
 use crate::lens::{PyLens, number_of};
 
 /// Which numbers of a lens move, and how they are free.
@@ -219,7 +219,7 @@ impl PyDesignSpace {
     }
 
     /// The lens at free coordinates.
-    fn lens_at(&self, py: Python<'_>, x: PyArrayLike1<'_, f64, AllowTypeChange>) -> PyResult<PyLens> {
+    fn lens_at(&self, py: Python<'_>, x: Like1<'_>) -> PyResult<PyLens> {
         let x = self.coordinates(py, &x)?;
         let lens = self.lens_of(&x).map_err(|error| exception(py, &error))?;
         Ok(PyLens {
@@ -234,26 +234,19 @@ impl PyDesignSpace {
         let (mine, other) = (self.file.lens.surfaces.len(), lens.file.lens.surfaces.len());
         if mine != other {
             let hint = format!("it has {other} surfaces, the lenses of this space {mine}");
-            return Err(exception(
-                py,
-                &JobError::setting("lens", &lens.file.lens.name, "is another lens", hint),
-            ));
+            return Err(refusal(py, "lens", &lens.file.lens.name, "is another lens", hint));
         }
         if let Some(other) = self.held_otherwise(&lens.file.lens) {
             let hint = "make the space from the lens itself, by `lens.variables(...)`";
             let message = format!("is another lens than those of this space: {other}");
-            return Err(exception(py, &JobError::setting("lens", &lens.file.lens.name, message, hint)));
+            return Err(refusal(py, "lens", &lens.file.lens.name, message, hint));
         }
         let at = self.space.space().coordinates(&lens.file.lens);
         Ok(self.space.off_bounds(&self.space.free(&at)).into_pyarray(py))
     }
 
     /// The numbers of the lens that follow free coordinates, and their derivatives, `[number][coordinate]`. Curvatures are in 1/mm, tilts in rad.
-    fn numbers<'py>(
-        &self,
-        py: Python<'py>,
-        x: PyArrayLike1<'_, f64, AllowTypeChange>,
-    ) -> PyResult<Numbers<'py>> {
+    fn numbers<'py>(&self, py: Python<'py>, x: Like1<'_>) -> PyResult<Numbers<'py>> {
         let x = self.coordinates(py, &x)?;
         let places = self.space.space().numbers();
         let found = py.detach(|| -> Result<_, JobError> {
@@ -272,11 +265,7 @@ impl PyDesignSpace {
     }
 
     /// The squares of all violations at free coordinates, mm^2, and the derivatives of their sum.
-    fn penalty<'py>(
-        &self,
-        py: Python<'py>,
-        x: PyArrayLike1<'_, f64, AllowTypeChange>,
-    ) -> PyResult<(f64, Bound<'py, PyArray1<f64>>)> {
+    fn penalty<'py>(&self, py: Python<'py>, x: Like1<'_>) -> PyResult<(f64, Bound<'py, PyArray1<f64>>)> {
         let x = self.coordinates(py, &x)?;
         let found = py.detach(|| -> Result<_, JobError> {
             let lens = self.lens_of(&x)?;
@@ -318,21 +307,14 @@ impl PyDesignSpace {
     }
 
     /// Free coordinates that an array holds.
-    pub fn coordinates(
-        &self,
-        py: Python<'_>,
-        x: &PyArrayLike1<'_, f64, AllowTypeChange>,
-    ) -> PyResult<Vec<f64>> {
+    pub fn coordinates(&self, py: Python<'_>, x: &Like1<'_>) -> PyResult<Vec<f64>> {
         let x = finite(py, "x", x)?;
         let dimension = self.space.dimension();
         if x.len() == dimension {
             return Ok(x);
         }
         let hint = format!("the space has {dimension} coordinates");
-        Err(exception(
-            py,
-            &JobError::setting("x", format!("of length {}", x.len()), "has the wrong length", hint),
-        ))
+        Err(refusal(py, "x", format!("of length {}", x.len()), "has the wrong length", hint))
     }
 
     /// The lens at free coordinates.
@@ -351,11 +333,7 @@ impl PyDesignSpace {
     }
 
     /// The lens with numbers that `numbers` gave.
-    pub fn lens_with(
-        &self,
-        py: Python<'_>,
-        numbers: &PyArrayLike1<'_, f64, AllowTypeChange>,
-    ) -> PyResult<Lens> {
+    pub fn lens_with(&self, py: Python<'_>, numbers: &Like1<'_>) -> PyResult<Lens> {
         let places = self.space.space().numbers();
         let numbers = checked(py, "numbers", numbers.as_array().into_dyn(), &[places.len()])?;
         let mut lens = self.space.space().base().clone();
@@ -366,11 +344,7 @@ impl PyDesignSpace {
     }
 
     /// The change of every number of a lens, from those of the numbers of the space.
-    pub fn change(
-        &self,
-        py: Python<'_>,
-        direction: &PyArrayLike1<'_, f64, AllowTypeChange>,
-    ) -> PyResult<LensGradient> {
+    pub fn change(&self, py: Python<'_>, direction: &Like1<'_>) -> PyResult<LensGradient> {
         let places = self.space.space().numbers();
         let direction = checked(py, "direction", direction.as_array().into_dyn(), &[places.len()])?;
         let mut change = LensGradient::zero(self.file.lens.surfaces.len());

@@ -8,7 +8,7 @@ use petzval_lab::sfr::FREQUENCY_STEP;
 
 use crate::number::{fixed, with_error};
 use crate::page::{Page, caption, facts, figure, section, with_contents};
-use crate::plot::{Axes, Chart, Series, chart_svg, plain};
+use crate::plot::{Chart, Series, chart_svg, plain};
 use crate::rgb_picture::{rgb_picture, shrunk};
 use crate::table::{Column, Row, Table};
 use crate::{palette, png};
@@ -166,9 +166,7 @@ fn sharpness(edges: &[EdgeFigures]) -> Markup {
         x_axis: "frequency, cycles per pixel".to_owned(),
         y_axis: "modulation".to_owned(),
         series: curves,
-        marks: Vec::new(),
-        smooth: false,
-        axes: Axes::FromZero,
+        ..Chart::default()
     };
     let percent = |value: Option<f64>, error: Option<f64>| {
         let value = value.map(|value| with_error(100.0 * value, 100.0 * error.unwrap_or(f64::NAN), 2));
@@ -207,9 +205,7 @@ fn sharpness(edges: &[EdgeFigures]) -> Markup {
         x_axis: "distance from the edge, pixels".to_owned(),
         y_axis: "share of the step".to_owned(),
         series: series.into_iter().enumerate().map(profile).collect(),
-        marks: Vec::new(),
-        smooth: false,
-        axes: Axes::FromZero,
+        ..Chart::default()
     };
     html! {
         (figure(&chart_svg(&chart)))

@@ -4,7 +4,7 @@ use image::{Rgb, RgbImage};
 use maud::{Markup, html};
 
 use crate::page::{Page, Section, Tile, caption, figure, numbers, section, with_contents};
-use crate::plot::{Axes, Chart, Series, chart_svg, plain};
+use crate::plot::{Chart, Series, chart_svg, plain};
 use crate::table::{Column, Row, Table};
 use crate::{number, palette, png};
 
@@ -152,9 +152,7 @@ fn gap_table(gap: &Gap) -> Markup {
         x_axis: "image radius, mm".into(),
         y_axis: "RMS spot radius, µm".into(),
         series: vec![series("exact", 0, |f| f.exact_rms_um), series("error of the network", 2, |f| f.rms_um)],
-        marks: Vec::new(),
-        smooth: false,
-        axes: Axes::FromZero,
+        ..Chart::default()
     };
     let columns = [Column::new("mean over lenses, fields and colours"), Column::new("value")];
     let time_columns =

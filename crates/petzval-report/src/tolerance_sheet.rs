@@ -6,7 +6,7 @@ use crate::number;
 use crate::page::{Page, Section, caption, facts, figure, section, with_contents};
 use crate::palette::{self, MUTED};
 use crate::plot::{
-    Axes, Axis, Bar, BarChart, BarKey, Chart, Curve, Key, KeyLine, Mark, Panel, Pen, Series, Sheet, Steps,
+    Axis, Bar, BarChart, BarKey, Chart, Curve, Key, KeyLine, Mark, Panel, Pen, Series, Sheet, Steps,
     WIDTH_PX, bars_svg, chart_svg, grid, plain, span,
 };
 use crate::table::{Column, Row, Table};
@@ -213,8 +213,7 @@ pub fn yield_svg(sheet: &ToleranceSheet, random: &RandomLenses) -> String {
             .into_iter()
             .map(|(name, colour, at)| Mark { name, colour: colour.into(), at })
             .collect(),
-        smooth: false,
-        axes: Axes::FromZero,
+        ..Chart::default()
     })
 }
 
@@ -255,14 +254,12 @@ pub fn histogram_svg(sheet: &ToleranceSheet, random: &RandomLenses) -> String {
     let (body, height) = grid(&[panel], 1, WIDTH_PX, HISTOGRAM_PX);
     Sheet {
         class: "histogram",
-        title: String::new(),
-        remark: String::new(),
         keys,
         alt: format!("Distribution of the {} of {} lenses", sheet.merit, random.trials),
         width: WIDTH_PX,
         height,
         body,
-        foot: Vec::new(),
+        ..Sheet::default()
     }
     .svg()
 }

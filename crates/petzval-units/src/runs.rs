@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 pub use petzval_design::run_row::{RunRow, RunState, is_run};
 use petzval_design::run_row::{note_differences, run_row};
-use petzval_jobs::{Context, JobError};
+use petzval_jobs::{Context, JobError, Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -51,7 +51,7 @@ pub struct UnitRow {
 
 /// Every run and every unit of a store in a folder and below it; a folder that is a run itself is the only row. A damaged run or unit
 /// has a row with the reason. Links are not followed.
-pub fn runs_in(folder: &Path, context: &Context) -> Result<Runs, JobError> {
+pub fn runs_in(folder: &Path, context: &Context) -> Result<Runs> {
     if !folder.is_dir() {
         let what = if folder.exists() { "is no folder" } else { "there is no such folder" };
         return Err(JobError::input(
@@ -90,7 +90,7 @@ fn collect(
     found: &mut Vec<PathBuf>,
     stores: &mut Vec<PathBuf>,
     context: &Context,
-) -> Result<(), JobError> {
+) -> Result<()> {
     if is_run(folder) {
         found.push(folder.to_path_buf());
         return Ok(());
@@ -112,7 +112,7 @@ fn collect(
 }
 
 /// The units of a store that were ever begun. A store of another version is a row.
-fn units_of(root: &Path, context: &Context) -> Result<Vec<UnitRow>, JobError> {
+fn units_of(root: &Path, context: &Context) -> Result<Vec<UnitRow>> {
     let damaged = |reason: String| UnitRow {
         store: root.to_path_buf(),
         name: String::new(),

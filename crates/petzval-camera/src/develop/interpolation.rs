@@ -14,7 +14,7 @@ pub enum Domain {
     /// Light itself.
     #[default]
     Linear,
-    /// The [square root](Stabiliser) of light, in which noise is about equal at every level of light. Interpolated values are means of
+    /// The square root of light, in which noise is about equal at every level of light. Interpolated values are means of
     /// roots, and their squares are lower than the means of light: at edges, where the neighbours differ, by up to a quarter of the step.
     Stabilised,
 }

@@ -17,7 +17,7 @@ use petzval_learn::guest::{GuestError, Host};
 use petzval_optics::glass::Catalog;
 
 use crate::assets::glass_warnings::glass_warnings;
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 
 /// Files built into the program, by their path below `data/`.
 #[derive(Clone, Default)]
@@ -47,7 +47,7 @@ pub struct OutsideIsp {
 }
 
 /// Makes the ISP of a file that describes one outside this program.
-pub type ExternalIsps = Arc<dyn Fn(&Path) -> Result<OutsideIsp, DesignError> + Send + Sync>;
+pub type ExternalIsps = Arc<dyn Fn(&Path) -> Result<OutsideIsp> + Send + Sync>;
 
 /// Makes the host of a run's networks and losses in Python. The number is the longest time of a call, s, where the host can limit it.
 pub type Guests = Arc<dyn Fn(f64) -> Arc<dyn Host> + Send + Sync>;
@@ -125,7 +125,7 @@ impl Assets {
     }
 
     /// The external ISP of a file.
-    pub fn external_isp(&self, path: &Path) -> Result<OutsideIsp, DesignError> {
+    pub fn external_isp(&self, path: &Path) -> Result<OutsideIsp> {
         match &self.external_isps {
             Some(make) => make(path),
             None => Err(DesignError::misfit(
@@ -137,7 +137,7 @@ impl Assets {
     }
 
     /// A host for the networks and losses of one run.
-    pub fn guest_host(&self, timeout_s: f64) -> Result<Arc<dyn Host>, DesignError> {
+    pub fn guest_host(&self, timeout_s: f64) -> Result<Arc<dyn Host>> {
         let make = self.guests.as_ref().ok_or_else(|| GuestError::Unusable {
             message: "classes in Python cannot be called here".to_owned(),
             hint: "name a network and a task of this program".to_owned(),
@@ -146,7 +146,7 @@ impl Assets {
     }
 
     /// All files below a folder on disk, for tests and for a changed library.
-    pub fn from_folder(root: &Path) -> Result<Self, DesignError> {
+    pub fn from_folder(root: &Path) -> Result<Self> {
         let (mut files, mut open) = (Vec::new(), vec![root.to_path_buf()]);
         while let Some(folder) = open.pop() {
             for entry in std::fs::read_dir(&folder).map_err(DesignError::io(&folder))? {
@@ -164,7 +164,7 @@ impl Assets {
     }
 
     /// A built-in file.
-    pub fn bytes(&self, path: &str) -> Result<&[u8], DesignError> {
+    pub fn bytes(&self, path: &str) -> Result<&[u8]> {
         let found = self.files.iter().find(|(name, _)| name == path);
         found.map(|(_, bytes)| bytes.as_ref()).ok_or_else(|| DesignError::Unknown {
             kind: "built-in file",
@@ -184,7 +184,7 @@ impl Assets {
     }
 
     /// A text by path or by built-in name: a file that exists wins.
-    pub fn text(&self, kind: &'static str, folder: &str, name: &str) -> Result<Text, DesignError> {
+    pub fn text(&self, kind: &'static str, folder: &str, name: &str) -> Result<Text> {
         let path = Path::new(name);
         if let Some(text) = self.text_in_no_file(name) {
             return Ok(Text { path: path.to_path_buf(), text: text.to_owned() });
@@ -210,7 +210,7 @@ impl Assets {
     }
 
     /// The glass catalogue: every built-in file of `glasses/`, then the glasses that were chosen.
-    pub fn catalog(&self) -> Result<Arc<Catalog>, DesignError> {
+    pub fn catalog(&self) -> Result<Arc<Catalog>> {
         if let Some(catalog) = self.catalog.get() {
             return Ok(Arc::clone(catalog));
         }
@@ -232,19 +232,19 @@ impl Assets {
 
     /// A lens by path or built-in name, checked to be possible; the path of a file of Zemax (`.zmx`), CODE V
     /// (`.seq`) or Optiland (`.json`) will do.
-    pub fn lens(&self, name: &str) -> Result<LensFile, DesignError> {
+    pub fn lens(&self, name: &str) -> Result<LensFile> {
         Ok(self.reported(name)?.file)
     }
 
     /// As [`Self::lens`], with what is known of its file.
-    pub fn reported(&self, name: &str) -> Result<Import, DesignError> {
+    pub fn reported(&self, name: &str) -> Result<Import> {
         let import = self.import(name)?;
         self.warn_of(name, &import)?;
         Ok(import)
     }
 
     /// A lens to start an optimisation from, as [`Self::lens`], but it need not be buildable: a warning says why it is not.
-    pub fn start(&self, name: &str) -> Result<LensFile, DesignError> {
+    pub fn start(&self, name: &str) -> Result<LensFile> {
         let import = self.import_start(name)?;
         self.warn_of(name, &import)?;
         if let (Some(warn), Some(error)) = (&self.warnings, &import.unbuildable) {
@@ -254,7 +254,7 @@ impl Assets {
     }
 
     /// Reports the losses of an import, and doubts about its glasses.
-    fn warn_of(&self, name: &str, Import { file, losses, .. }: &Import) -> Result<(), DesignError> {
+    fn warn_of(&self, name: &str, Import { file, losses, .. }: &Import) -> Result<()> {
         if let Some(warn) = &self.warnings {
             losses.iter().for_each(|loss| warn(&loss.in_file(Path::new(name))));
             for warning in glass_warnings(&file.lens, self.catalog()?.as_ref()) {
@@ -265,7 +265,7 @@ impl Assets {
     }
 
     /// A lens by path or built-in name, with what it lost if its file is that of another program. Nothing is reported.
-    pub fn import(&self, name: &str) -> Result<Import, DesignError> {
+    pub fn import(&self, name: &str) -> Result<Import> {
         let import = self.import_start(name)?;
         match import.unbuildable {
             None => Ok(import),
@@ -274,7 +274,7 @@ impl Assets {
     }
 
     /// As [`Self::import`], but the lens need not be buildable.
-    pub fn import_start(&self, name: &str) -> Result<Import, DesignError> {
+    pub fn import_start(&self, name: &str) -> Result<Import> {
         let path = Path::new(name);
         let catalog = self.catalog()?;
         let parse = match extension(path).as_str() {
@@ -301,7 +301,7 @@ impl Assets {
     }
 
     /// A sensor by path or built-in name.
-    pub fn sensor(&self, name: &str) -> Result<SensorModel, DesignError> {
+    pub fn sensor(&self, name: &str) -> Result<SensorModel> {
         let source = self.text("sensor", "sensors", name)?;
         petzval_files::parse_sensor(&source.text).map_err(DesignError::input(&source.path))
     }

@@ -7,7 +7,7 @@ use petzval_camera::tape::Frames;
 
 use super::by_window::By;
 use crate::camera::{ByLens, Camera, OpticsLeaves, PsfLeaves, Psfs, Shot, to_host};
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 
 /// Derivatives by the optics of a camera.
 #[derive(Default)]
@@ -42,7 +42,7 @@ impl ByOptics {
         Self { own: of(camera.psfs()), taken_for: camera.psfs_taken_for().map(of) }
     }
 
-    fn of(leaves: &OpticsLeaves, gradients: &Gradients) -> Result<Self, DesignError> {
+    fn of(leaves: &OpticsLeaves, gradients: &Gradients) -> Result<Self> {
         let taken_for = leaves.taken_for.as_ref().map(|leaves| ByPsfs::of(leaves, gradients));
         Ok(Self { own: ByPsfs::of(&leaves.own, gradients)?, taken_for: taken_for.transpose()? })
     }
@@ -57,8 +57,8 @@ impl ByOptics {
 }
 
 impl ByPsfs {
-    fn of(leaves: &PsfLeaves, gradients: &Gradients) -> Result<Self, DesignError> {
-        fn by<const D: usize>(leaf: &Tensor<D>, all: &Gradients) -> Result<Option<Vec<f32>>, DesignError> {
+    fn of(leaves: &PsfLeaves, gradients: &Gradients) -> Result<Self> {
+        fn by<const D: usize>(leaf: &Tensor<D>, all: &Gradients) -> Result<Option<Vec<f32>>> {
             leaf.grad(all).map(to_host).transpose()
         }
         Ok(Self {
@@ -87,7 +87,7 @@ impl ByPsfs {
 
     /// The derivatives by the lens that forms the PSFs. Where the lens is taken for another, development that does not restore takes nothing
     /// but the illumination from the other's: what is not on the tape counts as 0.
-    pub fn pulled_back(&self, psfs: &Psfs) -> Result<ByLens, DesignError> {
+    pub fn pulled_back(&self, psfs: &Psfs) -> Result<ByLens> {
         let bank = psfs.bank();
         let illumination = self.illumination.as_ref().ok_or(DesignError::NoGradient("the illumination"))?;
         let or_zeros = |by: &Option<Vec<f32>>, count: usize| by.clone().unwrap_or_else(|| vec![0.0; count]);
@@ -112,17 +112,11 @@ impl By for TheOptics<'_> {
         self.0.clone()
     }
 
-    fn take(
-        &self,
-        camera: &Camera,
-        leaves: &OpticsLeaves,
-        shots: &[Shot],
-        noise: &Noise,
-    ) -> Result<Frames, DesignError> {
+    fn take(&self, camera: &Camera, leaves: &OpticsLeaves, shots: &[Shot], noise: &Noise) -> Result<Frames> {
         camera.take_through(leaves, shots, noise)
     }
 
-    fn read(&self, leaves: &OpticsLeaves, gradients: Gradients) -> Result<ByOptics, DesignError> {
+    fn read(&self, leaves: &OpticsLeaves, gradients: Gradients) -> Result<ByOptics> {
         ByOptics::of(leaves, &gradients)
     }
 

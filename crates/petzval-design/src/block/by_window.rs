@@ -15,7 +15,7 @@ use petzval_learn::loss::NamedLoss;
 
 use super::{Batch, backward, named};
 use crate::camera::{Camera, Shot};
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::in_order::in_order;
 use crate::objective::{Objective, WindowsOf};
 
@@ -36,15 +36,9 @@ pub(super) trait By: Sync {
     /// The camera with these leaves.
     fn camera(&self, leaves: &Self::Leaves) -> Camera;
     /// What that camera takes, with a graph that leads to the leaves.
-    fn take(
-        &self,
-        camera: &Camera,
-        leaves: &Self::Leaves,
-        shots: &[Shot],
-        noise: &Noise,
-    ) -> Result<Frames, DesignError>;
+    fn take(&self, camera: &Camera, leaves: &Self::Leaves, shots: &[Shot], noise: &Noise) -> Result<Frames>;
     /// The derivatives by the leaves.
-    fn read(&self, leaves: &Self::Leaves, gradients: Gradients) -> Result<Self::Derivatives, DesignError>;
+    fn read(&self, leaves: &Self::Leaves, gradients: Gradients) -> Result<Self::Derivatives>;
     /// The sum of derivatives.
     fn plus(&self, sum: Self::Derivatives, own: Self::Derivatives) -> Self::Derivatives;
     /// Windows that are taken together, so that what is done once for all of them does not take longer than the windows do: by their number of
@@ -56,7 +50,7 @@ pub(super) trait By: Sync {
 
 /// How a camera takes the windows of a batch. They are taken together where there is a single one, on another device than the CPU, for a loss
 /// that looks at all of them, for a network of a user, and where the batch says so.
-fn way(batch: &Batch, camera: &Camera, shots: &[Shot]) -> Result<WindowsOf, DesignError> {
+fn way(batch: &Batch, camera: &Camera, shots: &[Shot]) -> Result<WindowsOf> {
     let way = batch.loss.windows();
     if batch.is_whole || shots.len() < 2 || way == WindowsOf::Whole || !camera.takes_windows_alone() {
         return Ok(WindowsOf::Whole);
@@ -67,12 +61,9 @@ fn way(batch: &Batch, camera: &Camera, shots: &[Shot]) -> Result<WindowsOf, Desi
 }
 
 /// The losses of a batch and their derivatives; none of a loss that is no number.
-pub(super) fn derivatives<B: By>(
-    batch: &Batch,
-    by: &B,
-) -> Result<(Losses, Option<B::Derivatives>), DesignError> {
+pub(super) fn derivatives<B: By>(batch: &Batch, by: &B) -> Result<(Losses, Option<B::Derivatives>)> {
     let Batch { shots, ref noise, loss: objective, .. } = *batch;
-    let of = |shots: &[Shot], share: f64| -> Result<(Losses, Option<B::Derivatives>), DesignError> {
+    let of = |shots: &[Shot], share: f64| -> Result<(Losses, Option<B::Derivatives>)> {
         let leaves = by.leaves();
         let camera = by.camera(&leaves);
         let frames = by.take(&camera, &leaves, shots, noise)?;
@@ -110,9 +101,9 @@ fn sum_apart<T: Send, A: Send>(
     shots: &[Shot],
     together: usize,
     start: A,
-    of: impl Fn(&[Shot], f64) -> Result<(Losses, T), DesignError> + Sync,
+    of: impl Fn(&[Shot], f64) -> Result<(Losses, T)> + Sync,
     add: impl Fn(A, T) -> A + Sync,
-) -> Result<(Losses, A), DesignError> {
+) -> Result<(Losses, A)> {
     let shares = objective.shares(shots)?;
     let groups: Vec<(&[Shot], f64)> =
         shots.chunks(together).zip(shares.chunks(together).map(|shares| shares.iter().sum())).collect();
@@ -143,16 +134,12 @@ fn joined<'t>(looks: impl Iterator<Item = &'t Vec<Tensor<4>>> + Clone) -> Vec<Te
 }
 
 /// [`derivatives`] with [`WindowsOf::Looks`].
-fn by_looks<B: By>(
-    batch: &Batch,
-    by: &B,
-    together: usize,
-) -> Result<(Losses, Option<B::Derivatives>), DesignError> {
+fn by_looks<B: By>(batch: &Batch, by: &B, together: usize) -> Result<(Losses, Option<B::Derivatives>)> {
     let Batch { shots, ref noise, loss: objective, .. } = *batch;
     let groups: Vec<&[Shot]> = shots.chunks(together).collect();
 
     // Forward, as far as the layers that see a window alone.
-    let forward = |i: usize| -> Result<_, DesignError> {
+    let forward = |i: usize| -> Result<_> {
         let leaves = by.leaves();
         let camera = by.camera(&leaves);
         let frames = by.take(&camera, &leaves, groups[i], noise)?;
@@ -178,7 +165,7 @@ fn by_looks<B: By>(
 
     // Back through the layers, whose tapes go one by one.
     let seen: Vec<_> = seen.into_iter().map(|(leaves, look, _)| Mutex::new(Some((leaves, look)))).collect();
-    let back = |i: usize| -> Result<_, DesignError> {
+    let back = |i: usize| -> Result<_> {
         let taken = seen[i].lock().unwrap_or_else(PoisonError::into_inner).take();
         let Some((leaves, look)) = taken else { unreachable!("each tape is taken once") };
         let first = i * together;
@@ -199,13 +186,9 @@ fn by_looks<B: By>(
 }
 
 /// The losses of what a camera takes of windows, for the goal and with the noise of a batch; without derivatives.
-pub fn losses_of(
-    batch: &Batch,
-    camera: &Camera,
-    shots: &[Shot],
-) -> Result<BTreeMap<String, f64>, DesignError> {
+pub fn losses_of(batch: &Batch, camera: &Camera, shots: &[Shot]) -> Result<BTreeMap<String, f64>> {
     let Batch { ref noise, loss: objective, .. } = *batch;
-    let of = |shots: &[Shot]| -> Result<Losses, DesignError> {
+    let of = |shots: &[Shot]| -> Result<Losses> {
         let frames = camera.take(shots, noise)?;
         Ok(named(&objective.loss(camera, &frames, shots)?))
     };

@@ -16,7 +16,7 @@ use super::by_window::{By, Losses, derivatives, losses_of};
 use super::network::ByWeights;
 use super::{Batch, CameraNetwork, OpticsBlock, Sight};
 use crate::camera::{Camera, Shot};
-use crate::error::DesignError;
+use crate::error::Result;
 use crate::experiment::{Experiment, PsfsBy};
 use crate::library::Library;
 use crate::objective::{Objective, WindowsOf};
@@ -139,17 +139,11 @@ impl<C: CameraNetwork> By for TwoByTwo<'_, C> {
         self.0.camera(network)
     }
 
-    fn take(
-        &self,
-        camera: &Camera,
-        of: &C::Module,
-        shots: &[Shot],
-        noise: &Noise,
-    ) -> Result<Frames, DesignError> {
+    fn take(&self, camera: &Camera, of: &C::Module, shots: &[Shot], noise: &Noise) -> Result<Frames> {
         self.0.take(camera, of, shots, noise)
     }
 
-    fn read(&self, network: &C::Module, by: burn::tensor::Gradients) -> Result<GradientsParams, DesignError> {
+    fn read(&self, network: &C::Module, by: burn::tensor::Gradients) -> Result<GradientsParams> {
         self.0.read(network, by)
     }
 
@@ -246,7 +240,7 @@ fn a_loss_that_is_no_number_has_no_derivatives() {
     struct Broken(Box<dyn Objective>);
 
     impl Objective for Broken {
-        fn loss(&self, camera: &Camera, frames: &Frames, shots: &[Shot]) -> Result<NamedLoss, DesignError> {
+        fn loss(&self, camera: &Camera, frames: &Frames, shots: &[Shot]) -> Result<NamedLoss> {
             let mut loss = self.0.loss(camera, frames, shots)?;
             if shots[0].frame % 3 == 1 {
                 loss.parts.iter_mut().for_each(|(_, value)| *value = f64::NAN);

@@ -12,7 +12,7 @@ use petzval_camera::sensor::Exposure;
 use serde::{Deserialize, Serialize};
 
 use super::{Batch, Block, BlockState, Descent, as_json, losses_of, parsed, read_places};
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{BlockName, ExposureSetting, StepMethod, StepRule};
 
 const PLACES: &str = "places.json";
@@ -121,7 +121,7 @@ impl ExposureBlock {
     }
 
     /// Losses at the present settings, and the derivatives of the batch's loss by the places, from central differences.
-    fn gradient(&self, batch: &Batch) -> Result<(BTreeMap<String, f64>, Vec<f64>), DesignError> {
+    fn gradient(&self, batch: &Batch) -> Result<(BTreeMap<String, f64>, Vec<f64>)> {
         let losses = |places: &[f64]| {
             let camera = batch.camera.exposed_as(&self.at(places));
             losses_of(batch, &camera, batch.shots)
@@ -135,7 +135,7 @@ impl ExposureBlock {
             };
             Ok((total(high)? - total(low)?) / (high - low))
         };
-        let slopes = (0..self.places.len()).map(slope).collect::<Result<_, DesignError>>()?;
+        let slopes = (0..self.places.len()).map(slope).collect::<Result<_>>()?;
         Ok((losses(&self.places)?, slopes))
     }
 }
@@ -153,7 +153,7 @@ impl Block for ExposureBlock {
         self.progress = Progress::from(&self.places);
     }
 
-    fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
+    fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>> {
         if rule.method == StepMethod::Random {
             self.draw(batch, rule.rate);
             return Ok(BTreeMap::new());
@@ -167,7 +167,7 @@ impl Block for ExposureBlock {
         self.places.iter().all(|p| p.is_finite())
     }
 
-    fn save_numbers(&self) -> Result<BlockState, DesignError> {
+    fn save_numbers(&self) -> Result<BlockState> {
         as_json(PLACES, "the exposure", &self.places)
     }
 
@@ -176,7 +176,7 @@ impl Block for ExposureBlock {
         Ok(())
     }
 
-    fn save_progress(&self) -> Result<BlockState, DesignError> {
+    fn save_progress(&self) -> Result<BlockState> {
         as_json(PROGRESS, "the moments of the exposure", &self.progress)
     }
 

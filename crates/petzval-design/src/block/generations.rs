@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::evolution::{Evolution, EvolutionSettings};
 
 /// Noise of batches keeps the best values of generations apart for ever: a search is not restarted for being flat.
@@ -41,8 +41,8 @@ impl Generations {
     pub fn step(
         &mut self,
         first: FirstGeneration,
-        mut score: impl FnMut(&[f64]) -> Result<Option<PointScore>, DesignError>,
-    ) -> Result<(Vec<f64>, BTreeMap<String, f64>), DesignError> {
+        mut score: impl FnMut(&[f64]) -> Result<Option<PointScore>>,
+    ) -> Result<(Vec<f64>, BTreeMap<String, f64>)> {
         let search = match &mut self.0 {
             Some(search) => search,
             begun => {

@@ -9,7 +9,7 @@ use petzval_learn::network::GuestNetwork;
 use super::learner::{Learner, Sight, WEIGHTS};
 use super::{Batch, BlockState, backward, named, part};
 use crate::camera::Camera;
-use crate::error::DesignError;
+use crate::error::Result;
 use crate::experiment::StepRule;
 
 /// A network of a user in training. The part of its state that finished cameras keep is everything that it needs to go on.
@@ -24,7 +24,7 @@ impl Learner for GuestInTraining {
         1
     }
 
-    fn check(&self) -> Result<(), DesignError> {
+    fn check(&self) -> Result<()> {
         Ok(self.0.check()?)
     }
 
@@ -36,12 +36,7 @@ impl Learner for GuestInTraining {
     }
 
     /// The network sees the whole batch in one call, and takes up its gradients on the tape.
-    fn step(
-        &mut self,
-        batch: &Batch,
-        sight: Sight,
-        rule: StepRule,
-    ) -> Result<BTreeMap<String, f64>, DesignError> {
+    fn step(&mut self, batch: &Batch, sight: Sight, rule: StepRule) -> Result<BTreeMap<String, f64>> {
         let camera = self.attached(batch.camera, sight, false);
         let frames = camera.take(batch.shots, &batch.noise)?;
         let loss = batch.loss.loss(&camera, &frames, batch.shots)?;
@@ -54,11 +49,11 @@ impl Learner for GuestInTraining {
         Ok(losses)
     }
 
-    fn to_safetensors(&self) -> Result<Option<Vec<u8>>, DesignError> {
+    fn to_safetensors(&self) -> Result<Option<Vec<u8>>> {
         Ok(None)
     }
 
-    fn save_numbers(&self) -> Result<BlockState, DesignError> {
+    fn save_numbers(&self) -> Result<BlockState> {
         Ok(BTreeMap::from([(WEIGHTS.to_owned(), self.0.save()?)]))
     }
 
@@ -66,7 +61,7 @@ impl Learner for GuestInTraining {
         self.0.load(part(state, WEIGHTS)?).map_err(|e| format!("{WEIGHTS}: {e}"))
     }
 
-    fn save_progress(&self) -> Result<BlockState, DesignError> {
+    fn save_progress(&self) -> Result<BlockState> {
         Ok(BlockState::new())
     }
 

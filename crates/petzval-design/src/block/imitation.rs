@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::{Batch, BlockState, part};
 use crate::camera::ChipValues;
 use crate::camera::isp_proxy::{Frame, Judge, ProxyTrainer, ProxyTraining, take};
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 
 const WEIGHTS: &str = "imitation-weights.bin";
 const OPTIMIZER: &str = "imitation-optimizer.bin";
@@ -76,7 +76,7 @@ pub type ImitationFigures = Vec<(String, f64)>;
 
 impl Imitation {
     /// A network that has learnt nothing yet, for an ISP at `values`, whose parameters at the places `varied` move.
-    pub fn new(plan: ImitationPlan, varied: &[usize], values: Vec<f64>) -> Result<Self, DesignError> {
+    pub fn new(plan: ImitationPlan, varied: &[usize], values: Vec<f64>) -> Result<Self> {
         let ImitationPlan { in_all: steps, seed, .. } = plan;
         let training = ProxyTraining { steps, seed, base_channels: BASE_CHANNELS, levels: LEVELS };
         let trainer = ProxyTrainer::new(plan.isp.as_ref(), varied.to_vec(), values, training, &plan.device)?;
@@ -94,7 +94,7 @@ impl Imitation {
     }
 
     /// Trains it before a step of the ISP, on fresh windows by the batch's camera, about the values as they stand.
-    pub fn train(&mut self, batch: &Batch, values: &[f64]) -> Result<ImitationFigures, DesignError> {
+    pub fn train(&mut self, batch: &Batch, values: &[f64]) -> Result<ImitationFigures> {
         self.trainer.recentre(values);
         let mut figures = ImitationFigures::new();
         for _ in 0..self.plan.per_step {
@@ -123,14 +123,14 @@ impl Imitation {
         Ok(figures)
     }
 
-    fn frames(&self, batch: &Batch, number: u64) -> Result<Vec<Frame>, DesignError> {
+    fn frames(&self, batch: &Batch, number: u64) -> Result<Vec<Frame>> {
         // Raw frames are wanted: the ISP itself makes the picture beside them in the least time.
         let camera = batch.camera.with_chip(ChipValues::Exact(self.plan.values.clone()));
         take(&camera, &(batch.further)(number)?, batch.noise.seed)
     }
 
     /// What it needs to go on with the same bits.
-    pub fn save(&self) -> Result<BlockState, DesignError> {
+    pub fn save(&self) -> Result<BlockState> {
         let [weights, optimizer] = self.trainer.save()?;
         let age = DesignError::json("the imitation of the ISP", &self.age)?.into_bytes();
         let parts = [(WEIGHTS, weights), (OPTIMIZER, optimizer), (STATE, age)];

@@ -12,7 +12,7 @@ use super::generations::{FirstGeneration, Generations, PointScore};
 use super::imitation::{Imitation, ImitationFigures, ImitationPlan};
 use super::{Batch, Block, BlockState, Descent, as_json, backward, named, parsed, read_places};
 use crate::camera::{ChipValues, to_host};
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{BlockName, StepMethod, StepRule};
 
 const PLACES: &str = "places.json";
@@ -87,7 +87,7 @@ impl IspBlock {
     }
 
     /// A generation of CMA-ES: at every point the ISP itself develops the same noisy frames. Returns the mean losses of the generation.
-    fn evolve(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
+    fn evolve(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>> {
         let mut search = std::mem::take(&mut self.progress.search);
         let first =
             FirstGeneration { middle: &self.places, deviation: FIRST_DEVIATION, seed: batch.noise.seed };
@@ -137,7 +137,7 @@ impl IspBlock {
     }
 
     /// Trains the imitation for a step by it. Returns its figures, and whether it may lead already.
-    fn imitate(&mut self, batch: &Batch) -> Result<(ImitationFigures, bool), DesignError> {
+    fn imitate(&mut self, batch: &Batch) -> Result<(ImitationFigures, bool)> {
         let values = self.values();
         let mut imitation = match self.imitation.take() {
             Some(imitation) => imitation,
@@ -149,7 +149,7 @@ impl IspBlock {
         Ok((figures, is_ready))
     }
 
-    fn new_imitation(&self) -> Result<Imitation, DesignError> {
+    fn new_imitation(&self) -> Result<Imitation> {
         let plan = self.plan.clone().ok_or(DesignError::NoGradient("an ISP that nothing imitates"))?;
         Imitation::new(plan, &self.varied, self.values.clone())
     }
@@ -169,7 +169,7 @@ impl IspBlock {
     }
 
     /// Losses at the present values, and the derivatives of the batch's loss by the places.
-    pub fn gradient(&self, batch: &Batch) -> Result<(BTreeMap<String, f64>, Vec<f64>), DesignError> {
+    pub fn gradient(&self, batch: &Batch) -> Result<(BTreeMap<String, f64>, Vec<f64>)> {
         let values = self.tensor(&batch.camera.body().device).require_grad();
         let camera = batch.camera.with_chip(self.on_tape(values.clone()));
         let frames = camera.take(batch.shots, &batch.noise)?;
@@ -199,7 +199,7 @@ impl Block for IspBlock {
         }
     }
 
-    fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
+    fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>> {
         let figures = match rule.method {
             StepMethod::Evolution => {
                 self.imitation = None;
@@ -227,7 +227,7 @@ impl Block for IspBlock {
         self.places.iter().all(|p| p.is_finite())
     }
 
-    fn save_numbers(&self) -> Result<BlockState, DesignError> {
+    fn save_numbers(&self) -> Result<BlockState> {
         let mut state = as_json(PLACES, "the parameters of the ISP", &self.places)?;
         // A later stage goes on with what the network has learnt.
         if let Some(imitation) = &self.imitation {
@@ -249,7 +249,7 @@ impl Block for IspBlock {
         Ok(())
     }
 
-    fn save_progress(&self) -> Result<BlockState, DesignError> {
+    fn save_progress(&self) -> Result<BlockState> {
         as_json(PROGRESS, "the moments of the ISP", &self.progress)
     }
 

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use super::{Batch, BlockState};
 use crate::camera::Camera;
-use crate::error::DesignError;
+use crate::error::Result;
 use crate::experiment::{DetectorInput, StepRule};
 
 /// Name of the part of a state with the weights.
@@ -33,22 +33,17 @@ pub(super) trait Learner: Send {
     /// Number of its weights; 1 where only the network itself knows.
     fn weights(&self) -> usize;
     /// Fails if it could not do its work on the tape.
-    fn check(&self) -> Result<(), DesignError> {
+    fn check(&self) -> Result<()> {
         Ok(())
     }
     fn begin_stage(&mut self);
     fn attached(&self, camera: &Camera, sight: Sight, is_held: bool) -> Camera;
     /// Takes a step down the gradient of the batch's loss, and towards the weights at the start of the stage. Returns the losses before the
     /// step. Where one of them is no number, the weights stay.
-    fn step(
-        &mut self,
-        batch: &Batch,
-        sight: Sight,
-        rule: StepRule,
-    ) -> Result<BTreeMap<String, f64>, DesignError>;
-    fn to_safetensors(&self) -> Result<Option<Vec<u8>>, DesignError>;
-    fn save_numbers(&self) -> Result<BlockState, DesignError>;
+    fn step(&mut self, batch: &Batch, sight: Sight, rule: StepRule) -> Result<BTreeMap<String, f64>>;
+    fn to_safetensors(&self) -> Result<Option<Vec<u8>>>;
+    fn save_numbers(&self) -> Result<BlockState>;
     fn load_numbers(&mut self, state: &BlockState) -> Result<(), String>;
-    fn save_progress(&self) -> Result<BlockState, DesignError>;
+    fn save_progress(&self) -> Result<BlockState>;
     fn load_progress(&mut self, state: &BlockState) -> Result<(), String>;
 }

@@ -29,7 +29,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::block::adam::Adam;
 use crate::camera::{Camera, Shot};
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{BlockName, StepRule};
 use crate::objective::Objective;
 
@@ -47,10 +47,10 @@ pub use optics::{OpticsBlock, loss_by_numbers};
 pub type BlockState = BTreeMap<String, Vec<u8>>;
 
 /// Training windows by number.
-pub type Further<'a> = dyn Fn(u64) -> Result<Vec<Shot>, DesignError> + 'a;
+pub type Further<'a> = dyn Fn(u64) -> Result<Vec<Shot>> + 'a;
 
 /// The windows of a batch as a lens like that of its camera sees them, whose image is so many times as large.
-pub type Magnified<'a> = dyn Fn(f64) -> Result<Vec<Shot>, DesignError> + 'a;
+pub type Magnified<'a> = dyn Fn(f64) -> Result<Vec<Shot>> + 'a;
 
 /// What a step of a block is taken on.
 pub struct Batch<'a> {
@@ -95,7 +95,7 @@ pub trait Block {
     fn begin_stage(&mut self, is_moving: bool);
 
     /// Takes one step down the gradient of the batch's loss. Returns the losses before the step, by name.
-    fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError>;
+    fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>>;
 
     /// By how much each free number lowered the batch's loss in the last step, to first order: `-dL/dx dx`. Empty for blocks that do not keep it.
     fn lowered(&self) -> &[f64] {
@@ -108,14 +108,14 @@ pub trait Block {
     }
 
     /// The free numbers alone: what a finished camera keeps.
-    fn save_numbers(&self) -> Result<BlockState, DesignError>;
+    fn save_numbers(&self) -> Result<BlockState>;
 
     /// Takes over what [`Block::save_numbers`] returned. The error names the part that is missing or does not fit, and the reason.
     fn load_numbers(&mut self, state: &BlockState) -> Result<(), String>;
 
     /// Beside the free numbers, what [`Block::load_progress`] needs to go on within a stage with the same bits: moments of earlier
     /// gradients, and the centre of the proximal term.
-    fn save_progress(&self) -> Result<BlockState, DesignError>;
+    fn save_progress(&self) -> Result<BlockState>;
 
     /// Takes over what [`Block::save_progress`] returned. The error names the part that is missing or does not fit, and the reason.
     fn load_progress(&mut self, state: &BlockState) -> Result<(), String>;
@@ -178,7 +178,7 @@ fn named(loss: &NamedLoss) -> BTreeMap<String, f64> {
 }
 
 /// A state of one part, as JSON; `what` names it if it cannot be written.
-fn as_json(name: &str, what: &'static str, value: &impl Serialize) -> Result<BlockState, DesignError> {
+fn as_json(name: &str, what: &'static str, value: &impl Serialize) -> Result<BlockState> {
     Ok(BTreeMap::from([(name.to_owned(), DesignError::json(what, value)?.into_bytes())]))
 }
 

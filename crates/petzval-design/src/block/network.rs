@@ -19,7 +19,7 @@ use super::guest::GuestInTraining;
 use super::learner::{Learner, Sight, WEIGHTS};
 use super::{Batch, Block, BlockState, part};
 use crate::camera::{Camera, Shot};
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{BlockName, StepRule};
 
 const OPTIMIZER: &str = "optimizer.bin";
@@ -69,7 +69,7 @@ impl NetworkBlock {
     }
 
     /// The same with the weights of the file `path`, `bytes`, which a network of the same kind wrote.
-    pub fn with_weights(mut self, path: &Path, bytes: &[u8]) -> Result<Self, DesignError> {
+    pub fn with_weights(mut self, path: &Path, bytes: &[u8]) -> Result<Self> {
         self.load_numbers(&BTreeMap::from([(WEIGHTS.to_owned(), bytes.to_vec())])).map_err(|problem| {
             let hint = "weights of the same kind of network, backbone and number of classes are needed";
             DesignError::misfit(path, &problem, hint)
@@ -85,12 +85,12 @@ impl NetworkBlock {
     }
 
     /// All weights as a safetensors file, for other programs; none of a network of a user, whose weights only its class can read.
-    pub fn to_safetensors(&self) -> Result<Option<Vec<u8>>, DesignError> {
+    pub fn to_safetensors(&self) -> Result<Option<Vec<u8>>> {
         self.learner.to_safetensors()
     }
 
     /// Fails if a network of a user could not do its work on the tape.
-    pub fn check(&self) -> Result<(), DesignError> {
+    pub fn check(&self) -> Result<()> {
         self.learner.check()
     }
 
@@ -113,11 +113,11 @@ impl Block for NetworkBlock {
         self.learner.begin_stage();
     }
 
-    fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
+    fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>> {
         self.learner.step(batch, self.sight, rule)
     }
 
-    fn save_numbers(&self) -> Result<BlockState, DesignError> {
+    fn save_numbers(&self) -> Result<BlockState> {
         self.learner.save_numbers()
     }
 
@@ -125,7 +125,7 @@ impl Block for NetworkBlock {
         self.learner.load_numbers(state)
     }
 
-    fn save_progress(&self) -> Result<BlockState, DesignError> {
+    fn save_progress(&self) -> Result<BlockState> {
         self.learner.save_progress()
     }
 
@@ -178,17 +178,11 @@ impl<C: CameraNetwork> By for ByWeights<'_, C> {
         self.how.attached(network.clone(), self.camera, self.sight)
     }
 
-    fn take(
-        &self,
-        camera: &Camera,
-        _: &C::Module,
-        shots: &[Shot],
-        noise: &Noise,
-    ) -> Result<Frames, DesignError> {
+    fn take(&self, camera: &Camera, _: &C::Module, shots: &[Shot], noise: &Noise) -> Result<Frames> {
         camera.take(shots, noise)
     }
 
-    fn read(&self, network: &C::Module, gradients: Gradients) -> Result<GradientsParams, DesignError> {
+    fn read(&self, network: &C::Module, gradients: Gradients) -> Result<GradientsParams> {
         Ok(GradientsParams::from_grads(gradients, network))
     }
 
@@ -234,12 +228,7 @@ impl<C: CameraNetwork> Learner for InTraining<C> {
         self.how.attached(if is_held { network.no_grad() } else { network }, camera, sight)
     }
 
-    fn step(
-        &mut self,
-        batch: &Batch,
-        sight: Sight,
-        rule: StepRule,
-    ) -> Result<BTreeMap<String, f64>, DesignError> {
+    fn step(&mut self, batch: &Batch, sight: Sight, rule: StepRule) -> Result<BTreeMap<String, f64>> {
         let Self { network, how, .. } = self;
         let by = ByWeights { network, how, camera: batch.camera, sight };
         let (losses, gradients) = derivatives(batch, &by)?;
@@ -250,11 +239,11 @@ impl<C: CameraNetwork> Learner for InTraining<C> {
         Ok(losses)
     }
 
-    fn to_safetensors(&self) -> Result<Option<Vec<u8>>, DesignError> {
+    fn to_safetensors(&self) -> Result<Option<Vec<u8>>> {
         Ok(Some(self.network.to_safetensors()?))
     }
 
-    fn save_numbers(&self) -> Result<BlockState, DesignError> {
+    fn save_numbers(&self) -> Result<BlockState> {
         Ok(BTreeMap::from([(WEIGHTS.to_owned(), bytes_of(&self.network)?)]))
     }
 
@@ -263,7 +252,7 @@ impl<C: CameraNetwork> Learner for InTraining<C> {
         Ok(())
     }
 
-    fn save_progress(&self) -> Result<BlockState, DesignError> {
+    fn save_progress(&self) -> Result<BlockState> {
         let optimizer = self.optimizer.into_bytes().map_err(|e| unwritable(&e))?;
         let parts = [(OPTIMIZER, optimizer.to_vec()), (ANCHOR, bytes_of(&self.anchor)?)];
         Ok(parts.into_iter().map(|(name, bytes)| (name.to_owned(), bytes)).collect())
@@ -283,7 +272,7 @@ fn unwritable(problem: &dyn std::fmt::Display) -> DesignError {
     DesignError::Unwritable { what: "the network", problem: problem.to_string() }
 }
 
-fn bytes_of<M: Module>(network: &M) -> Result<Vec<u8>, DesignError> {
+fn bytes_of<M: Module>(network: &M) -> Result<Vec<u8>> {
     network.to_bytes().map_err(|e| unwritable(&e))
 }
 

@@ -21,7 +21,7 @@ use super::generations::{FirstGeneration, Generations, PointScore};
 use super::lifted::{Lift, Lifted};
 use super::{Batch, Block, BlockState, Descent, Magnified, as_json, losses_of, parsed};
 use crate::camera::{ByLens, Camera, Shot};
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{BlockName, FieldOfView, StepMethod, StepRule};
 use crate::lens::restored::with_brightness;
 use crate::lens::sampler::LensSampler;
@@ -139,19 +139,19 @@ impl OpticsBlock {
     }
 
     /// The lens as it stands.
-    pub fn lens(&self) -> Result<Lens, DesignError> {
+    pub fn lens(&self) -> Result<Lens> {
         Ok(self.start.space.lens_at(&self.x)?)
     }
 
     /// The lens that the last random step of the stage drew.
-    pub fn drawn_lens(&self) -> Option<Result<Lens, DesignError>> {
+    pub fn drawn_lens(&self) -> Option<Result<Lens>> {
         self.progress.drawn.as_ref().map(|x| Ok(self.start.space.lens_at(x)?))
     }
 
     /// Makes the lens of the next step be off as one that comes out of a workshop: the number of each coordinate by a normal random error of
     /// this standard deviation, as a share of the range between its bounds. Returns that lens. The errors follow from the seed and the number
     /// of the step alone.
-    pub fn with_errors(&mut self, share: f64, seed: u64, step: u64) -> Result<Lens, DesignError> {
+    pub fn with_errors(&mut self, share: f64, seed: u64, step: u64) -> Result<Lens> {
         let stream = Stream::new(seed, step, Stage::LensError);
         let error = |(i, range): (usize, f64)| share * range * stream.normals(i as u32)[0];
         self.errors = self.start.space.ranges().into_iter().enumerate().map(error).collect();
@@ -159,7 +159,7 @@ impl OpticsBlock {
     }
 
     /// The lens on which the next step is taken: as it stands, but for its errors.
-    fn lens_in_step(&self) -> Result<Lens, DesignError> {
+    fn lens_in_step(&self) -> Result<Lens> {
         Ok(self.start.space.lens_off(&self.x, &self.errors)?)
     }
 
@@ -175,15 +175,12 @@ impl OpticsBlock {
     /// The gradient comes back on the tape through network, development, sensor and renderer as far as the PSFs, and from
     /// there by the adjoint of ray tracing, or through the network that takes its place. Where the batch can be magnified, the derivative by the
     /// magnification is added, which is a difference of losses.
-    pub fn gradient(&self, batch: &Batch) -> Result<(BTreeMap<String, f64>, Vec<f64>), DesignError> {
+    pub fn gradient(&self, batch: &Batch) -> Result<(BTreeMap<String, f64>, Vec<f64>)> {
         self.pulled_to_coordinates(self.slopes(batch)?)
     }
 
     /// Losses, and the derivatives of the batch's loss plus the weighted penalty by the free coordinates.
-    fn pulled_to_coordinates(
-        &self,
-        slopes: Slopes,
-    ) -> Result<(BTreeMap<String, f64>, Vec<f64>), DesignError> {
+    fn pulled_to_coordinates(&self, slopes: Slopes) -> Result<(BTreeMap<String, f64>, Vec<f64>)> {
         let lens = self.lens_in_step()?;
         let Slopes { losses, by_psfs, by_drawn, by_light: mut directly, by_log_magnification, violations } =
             slopes;
@@ -220,7 +217,7 @@ impl OpticsBlock {
     }
 
     /// Takes the batch, and pulls the derivatives of its loss back to the lens.
-    fn slopes(&self, batch: &Batch) -> Result<Slopes, DesignError> {
+    fn slopes(&self, batch: &Batch) -> Result<Slopes> {
         let lens = self.lens_in_step()?;
         let LossSlopes { mut losses, by_psfs, by_drawn, by_light } = loss_slopes(batch, &lens)?;
         let by_log_magnification =
@@ -232,7 +229,7 @@ impl OpticsBlock {
     }
 
     /// [`OpticsBlock::slopes`] with the derivative by the magnification averaged over the batches of the stage.
-    fn averaged_slopes(&mut self, batch: &Batch) -> Result<Slopes, DesignError> {
+    fn averaged_slopes(&mut self, batch: &Batch) -> Result<Slopes> {
         let mut slopes = self.slopes(batch)?;
         if let Some(by_logarithm) = &mut slopes.by_log_magnification {
             *by_logarithm = self.progress.by_log_magnification.with(*by_logarithm, MAGNIFICATION_DECAY);
@@ -242,11 +239,7 @@ impl OpticsBlock {
 
     /// A step by the curvature of the batch's loss as lifted to the rays. Where the rays say nothing, because most of a field are lost, the lens
     /// stays.
-    fn step_by_curvature(
-        &mut self,
-        batch: &Batch,
-        rule: StepRule,
-    ) -> Result<BTreeMap<String, f64>, DesignError> {
+    fn step_by_curvature(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>> {
         let Slopes { losses, by_psfs, by_drawn, by_light, by_log_magnification, violations } =
             self.averaged_slopes(batch)?;
         let (ByLens::Numbers(mut by_loss), Some(light)) = (by_psfs, batch.camera.psfs().light_gradients())
@@ -304,7 +297,7 @@ impl OpticsBlock {
 
     /// A generation of CMA-ES: every lens of it takes the same frames with the same noise, and has the same random errors. Returns the mean
     /// losses of the lenses that have an image.
-    fn evolve(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
+    fn evolve(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>> {
         let mut search = std::mem::take(&mut self.progress.search);
         let middle: Vec<f64> = self.x.iter().map(|x| place_of(*x)).collect();
         let first = FirstGeneration { middle: &middle, deviation: FIRST_DEVIATION, seed: batch.noise.seed };
@@ -313,7 +306,7 @@ impl OpticsBlock {
             let Ok(lens) = self.start.space.lens_off(&x, &self.errors) else { return Ok(None) };
             // Where the lens brings no light to some part of the sensor there is no camera.
             let Ok(drawn) = self.start.space.lens_at(&x) else { return Ok(None) };
-            let camera = || -> Result<Camera, DesignError> {
+            let camera = || -> Result<Camera> {
                 let camera = batch.camera.with_lens(lens.clone())?;
                 if self.errors.is_empty() {
                     return Ok(camera);
@@ -340,7 +333,7 @@ impl OpticsBlock {
 
     /// Draws a lens of which the light arrives, about the one at the start of the stage or one that it was improved from. It follows from the
     /// seed and the number of the batch alone.
-    fn draw(&mut self, batch: &Batch, reach: f64) -> Result<(), DesignError> {
+    fn draw(&mut self, batch: &Batch, reach: f64) -> Result<()> {
         let number = batch.number();
         let [share, _] = Stream::new(batch.noise.seed, number, Stage::LensError).uniforms(0, 0);
         let place = (share * (self.earlier.len() + 1) as f64) as usize;
@@ -353,7 +346,7 @@ impl OpticsBlock {
 
 /// Losses of a batch, and the derivatives of its loss by every number of the lens of its camera: by way of the PSFs and of the light that the lens
 /// gathers. Requirements and the magnification of scenes are left out. Fails for a camera whose PSFs come from a network in place of tracing.
-pub fn loss_by_numbers(batch: &Batch) -> Result<(BTreeMap<String, f64>, LensGradient), DesignError> {
+pub fn loss_by_numbers(batch: &Batch) -> Result<(BTreeMap<String, f64>, LensGradient)> {
     let lens = batch.camera.psfs().lens().ok_or(DesignError::NoLens)?;
     let LossSlopes { losses, by_psfs, by_light, .. } = loss_slopes(batch, lens)?;
     let ByLens::Numbers(mut by) = by_psfs else {
@@ -366,7 +359,7 @@ pub fn loss_by_numbers(batch: &Batch) -> Result<(BTreeMap<String, f64>, LensGrad
 }
 
 /// Takes the batch with a camera of this lens, and pulls the derivatives of its loss back to the lens.
-fn loss_slopes(batch: &Batch, lens: &Lens) -> Result<LossSlopes, DesignError> {
+fn loss_slopes(batch: &Batch, lens: &Lens) -> Result<LossSlopes> {
     if !batch.camera.has_gradient() {
         return Err(DesignError::NoGradient("an ISP that nothing imitates yet"));
     }
@@ -401,7 +394,7 @@ fn coordinate_at(place: f64) -> f64 {
 }
 
 /// A result; none where light does not arrive at some field, or no chief ray at some place of the sensor.
-fn unless_dark<T>(result: Result<T, DesignError>) -> Result<Option<T>, DesignError> {
+fn unless_dark<T>(result: Result<T>) -> Result<Option<T>> {
     match result {
         Ok(value) => Ok(Some(value)),
         Err(DesignError::NoLight { .. } | DesignError::OutsideTheImage { .. }) => Ok(None),
@@ -411,7 +404,7 @@ fn unless_dark<T>(result: Result<T, DesignError>) -> Result<Option<T>, DesignErr
 
 /// The scenes of a batch as another camera sees them: those that were made for the magnification and the light of the batch's camera follow
 /// those of its lens.
-fn seen_by<'s>(camera: &Camera, batch: &Batch<'s>) -> Result<Cow<'s, [Shot]>, DesignError> {
+fn seen_by<'s>(camera: &Camera, batch: &Batch<'s>) -> Result<Cow<'s, [Shot]>> {
     let height = |camera: &Camera| {
         let lens = camera.psfs().lens()?;
         Some(image_height_per_tangent(&lens.at_wavelength(lens.reference_um)))
@@ -432,8 +425,8 @@ fn seen_by<'s>(camera: &Camera, batch: &Batch<'s>) -> Result<Cow<'s, [Shot]>, De
 
 /// The derivative of the batch's loss by the logarithm of the magnification, by a central difference: the same windows with the same noise,
 /// a little larger and a little smaller, with their boxes. PSFs and light stay as they are.
-fn slope_by_log_magnification(batch: &Batch, magnified: &Magnified) -> Result<f64, DesignError> {
-    let loss_at = |by: f64| -> Result<f64, DesignError> {
+fn slope_by_log_magnification(batch: &Batch, magnified: &Magnified) -> Result<f64> {
+    let loss_at = |by: f64| -> Result<f64> {
         let shots = magnified(by)?;
         Ok(losses_of(batch, batch.camera, &shots)?[TOTAL])
     };
@@ -469,7 +462,7 @@ impl Block for OpticsBlock {
         self.progress = Progress::from(&self.x);
     }
 
-    fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>, DesignError> {
+    fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>> {
         self.lowered.clear();
         let losses = match rule.method {
             StepMethod::Levenberg => self.step_by_curvature(batch, rule)?,
@@ -500,7 +493,7 @@ impl Block for OpticsBlock {
         self.x.iter().all(|x| x.is_finite())
     }
 
-    fn save_numbers(&self) -> Result<BlockState, DesignError> {
+    fn save_numbers(&self) -> Result<BlockState> {
         let mut state = as_json(COORDINATES, "the coordinates of the lens", &self.x)?;
         if !self.earlier.is_empty() {
             state.extend(as_json(EARLIER, "the coordinates of earlier lenses", &self.earlier)?);
@@ -522,7 +515,7 @@ impl Block for OpticsBlock {
         Ok(())
     }
 
-    fn save_progress(&self) -> Result<BlockState, DesignError> {
+    fn save_progress(&self) -> Result<BlockState> {
         as_json(PROGRESS, "the moments of the lens", &self.progress)
     }
 

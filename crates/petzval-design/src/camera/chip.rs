@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use super::host::to_host;
 use crate::assets::OutsideIsp;
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 
 /// Nodes along a side of the mesh by which the shading of a window is corrected.
 const MESH: usize = 5;
@@ -92,7 +92,7 @@ pub fn raw_inputs(
     illumination: &Tensor<4>,
     captures: &[Capture],
     sensor: &SensorModel,
-) -> Result<Vec<RawInput>, DesignError> {
+) -> Result<Vec<RawInput>> {
     let [_, _, height, width] = raw.dims();
     let pixels = height * width;
     let (dn, shades) = (to_host(raw.clone())?, to_host(illumination.clone())?);
@@ -108,11 +108,7 @@ pub fn raw_inputs(
 }
 
 /// The frame of a scene through perfect optics, without noise.
-pub fn ideal_input(
-    scene: &LinearImage,
-    capture: &Capture,
-    sensor: &SensorModel,
-) -> Result<RawInput, DesignError> {
+pub fn ideal_input(scene: &LinearImage, capture: &Capture, sensor: &SensorModel) -> Result<RawInput> {
     let noise = Noise { mode: NoiseMode::Off, seed: 0 };
     Ok(RawInput::from_raw(&expose(scene, sensor, capture, &noise)?, sensor)?)
 }
@@ -124,7 +120,7 @@ pub fn develop(
     raw: Tensor<4>,
     illumination: &Tensor<4>,
     inputs: &[RawInput],
-) -> Result<Tensor<4>, DesignError> {
+) -> Result<Tensor<4>> {
     let [_, _, height, width] = raw.dims();
     match values {
         ChipValues::Exact(values) => exact(chip, values, inputs, [height, width], &raw.device()),
@@ -137,7 +133,7 @@ pub fn develop(
                 let dn = recalibrated(dn, shades, input, &now.shading);
                 Ok(isp.develop_on_tape(dn, input, values.as_ref().clone())?)
             };
-            Ok(Tensor::cat(inputs.iter().enumerate().map(one).collect::<Result<_, DesignError>>()?, 0))
+            Ok(Tensor::cat(inputs.iter().enumerate().map(one).collect::<Result<_>>()?, 0))
         }
         ChipValues::Imitated { values, proxy } => {
             // The network receives light whose shading is corrected whole.
@@ -186,11 +182,11 @@ pub fn exact(
     inputs: &[RawInput],
     [height, width]: [usize; 2],
     device: &Device,
-) -> Result<Tensor<4>, DesignError> {
+) -> Result<Tensor<4>> {
     let pictures: Vec<Vec<f32>> = inputs
         .par_iter()
         .map(|input| Ok(chip.isp.develop(input, values)?.encoded()))
-        .collect::<Result<_, DesignError>>()?;
+        .collect::<Result<_>>()?;
     let data = TensorData::new(pictures.concat(), [inputs.len(), 3, height, width]);
     Ok(Tensor::from_data(data, device))
 }

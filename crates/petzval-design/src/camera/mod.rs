@@ -34,7 +34,7 @@ use petzval_optics::paraxial::image_brightness;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::DetectorInput;
 
 pub use chip::{Chip, ChipValues, ideal_input, raw_inputs};
@@ -142,11 +142,7 @@ impl Optics {
     }
 
     /// The kernels of all patches, which reach as far as `border` pixels; none where they would be too large to keep.
-    fn kernels(
-        &self,
-        geometry: &RenderGeometry,
-        border: usize,
-    ) -> Result<Option<Arc<PatchKernels>>, DesignError> {
+    fn kernels(&self, geometry: &RenderGeometry, border: usize) -> Result<Option<Arc<PatchKernels>>> {
         if let Some(kernels) = self.kernels.get() {
             return Ok(kernels.clone());
         }
@@ -229,7 +225,7 @@ impl PsfLeaves {
 
 impl Camera {
     /// A camera without a network.
-    pub fn new(body: Arc<Body>, psfs: Arc<Psfs>) -> Result<Self, DesignError> {
+    pub fn new(body: Arc<Body>, psfs: Arc<Psfs>) -> Result<Self> {
         let border = kernel_radius(&body.geometry, &psfs.bank().layout())?;
         let optics = Optics { psfs, kernels: Arc::default() };
         let camera = Self {
@@ -253,7 +249,7 @@ impl Camera {
     }
 
     /// The same camera with another lens, whose PSFs are traced as those of this one; how exact they are is not known.
-    pub fn with_lens(&self, lens: Lens) -> Result<Self, DesignError> {
+    pub fn with_lens(&self, lens: Lens) -> Result<Self> {
         let plan = self.psfs().plan().ok_or(DesignError::NoLens)?.clone();
         let psfs = PsfSource::Traced { lens: Box::new(lens), plan }.psfs()?;
         let bare = Self::new(self.body.clone(), Arc::new(psfs))?;
@@ -369,7 +365,7 @@ impl Camera {
     }
 
     /// Makes the kernels of all patches, as far as they are kept, so that threads which take its pictures find them.
-    pub(crate) fn make_kernels(&self) -> Result<(), DesignError> {
+    pub(crate) fn make_kernels(&self) -> Result<()> {
         for optics in [&self.optics, self.known()] {
             optics.kernels(&self.body.geometry, self.border)?;
         }
@@ -379,16 +375,12 @@ impl Camera {
     /// Takes a batch of shots of one size: light, raw frames, developed, restored and finished pictures.
     ///
     /// The graph of the frames leads to the weights of a network that is tracked, and no further.
-    pub fn take(&self, shots: &[Shot], noise: &Noise) -> Result<Frames, DesignError> {
+    pub fn take(&self, shots: &[Shot], noise: &Noise) -> Result<Frames> {
         self.take_through(&self.leaves(|leaves| leaves), shots, noise)
     }
 
     /// [`Camera::take`] with a graph that leads to the PSFs, which are returned as leaf tensors.
-    pub fn take_tracking_psfs(
-        &self,
-        shots: &[Shot],
-        noise: &Noise,
-    ) -> Result<(Frames, OpticsLeaves), DesignError> {
+    pub fn take_tracking_psfs(&self, shots: &[Shot], noise: &Noise) -> Result<(Frames, OpticsLeaves)> {
         let leaves = self.tracked_leaves();
         Ok((self.take_through(&leaves, shots, noise)?, leaves))
     }
@@ -415,7 +407,7 @@ impl Camera {
         leaves: &OpticsLeaves,
         shots: &[Shot],
         noise: &Noise,
-    ) -> Result<Frames, DesignError> {
+    ) -> Result<Frames> {
         let (known, light) = self.light_of(leaves, shots)?;
         let captures: Vec<Capture> = shots.iter().map(|s| self.capture(s)).collect();
         let kept: Vec<Window> = shots.iter().map(|s| self.kept(s)).collect();
@@ -428,7 +420,7 @@ impl Camera {
     }
 
     /// Takes one shot, and develops it, whatever finishes the pictures of this camera.
-    pub fn developed(&self, shot: &Shot, noise: &Noise) -> Result<Developed, DesignError> {
+    pub fn developed(&self, shot: &Shot, noise: &Noise) -> Result<Developed> {
         let (leaves, shots) = (self.leaves(|leaves| leaves), std::slice::from_ref(shot));
         let (_, [irradiance, illumination]) = self.light_of(&leaves, shots)?;
         let (capture, Body { sensor, isp, .. }) = (self.capture(shot), &*self.body);
@@ -445,7 +437,7 @@ impl Camera {
         &self,
         leaves: &'a OpticsLeaves,
         shots: &[Shot],
-    ) -> Result<(&'a PsfLeaves, [Tensor<4>; 2]), DesignError> {
+    ) -> Result<(&'a PsfLeaves, [Tensor<4>; 2])> {
         // The lens spreads every point by the PSF of its place and dims it off the axis.
         let (irradiance, own_illumination) = self.image(&leaves.own, shots)?;
         // Development knows the lens, or takes it for another.
@@ -462,12 +454,7 @@ impl Camera {
 
     /// Takes one frame of light that lies on the pixels already, such as light that was simulated over the spectrum; three
     /// planes, 1 = white on the axis.
-    pub fn take_light(
-        &self,
-        light: &LinearImage,
-        capture: Capture,
-        noise: &Noise,
-    ) -> Result<Frames, DesignError> {
+    pub fn take_light(&self, light: &LinearImage, capture: Capture, noise: &Noise) -> Result<Frames> {
         let LinearImage { height, width, .. } = *light;
         let device = &self.body.device;
         let psfs = self.known().leaves(device);
@@ -485,7 +472,7 @@ impl Camera {
         captures: &[Capture],
         kept: &[Window],
         noise: &Noise,
-    ) -> Result<Frames, DesignError> {
+    ) -> Result<Frames> {
         // The sensor turns light into digital numbers behind its colour filters.
         let raw = expose_op(irradiance.clone(), &self.body.sensor, captures, noise)?;
         let Processed { developed, restored, finished } =
@@ -496,7 +483,7 @@ impl Camera {
     }
 
     /// The finished picture of one shot, sRGB-encoded, 0 to 1.
-    pub fn finished(&self, shot: Shot, noise: &Noise) -> Result<LinearImage, DesignError> {
+    pub fn finished(&self, shot: Shot, noise: &Noise) -> Result<LinearImage> {
         host_image(within_range(self.take(&[shot], noise)?.finished)?)
     }
 
@@ -507,7 +494,7 @@ impl Camera {
         dn: Vec<f32>,
         [height, width]: [usize; 2],
         capture: Capture,
-    ) -> Result<LinearImage, DesignError> {
+    ) -> Result<LinearImage> {
         self.check_sees_frames()?;
         let device = &self.body.device;
         let psfs = self.known().leaves(device);
@@ -519,7 +506,7 @@ impl Camera {
     }
 
     /// Refuses a camera whose reader sees the truth, which a raw frame does not contain.
-    pub fn check_sees_frames(&self) -> Result<(), DesignError> {
+    pub fn check_sees_frames(&self) -> Result<()> {
         match self.sees {
             DetectorInput::Picture => Ok(()),
             DetectorInput::Truth => Err(DesignError::NoTruth),
@@ -534,7 +521,7 @@ impl Camera {
         illumination: &Tensor<4>,
         captures: &[Capture],
         kept: &[Window],
-    ) -> Result<Processed, DesignError> {
+    ) -> Result<Processed> {
         // Development turns them back into light, balances white and lifts the dim corners.
         let developed = self.develop(raw.clone(), illumination.clone(), captures)?;
         // Restoration divides out the blur of the PSFs: those of the lens, or of the design that stands for a made camera.
@@ -553,11 +540,7 @@ impl Camera {
     }
 
     /// Irradiance and relative illumination of a batch of shots.
-    pub(crate) fn image(
-        &self,
-        psfs: &PsfLeaves,
-        shots: &[Shot],
-    ) -> Result<(Tensor<4>, Tensor<4>), DesignError> {
+    pub(crate) fn image(&self, psfs: &PsfLeaves, shots: &[Shot]) -> Result<(Tensor<4>, Tensor<4>)> {
         let (layout, geometry) = (self.psfs().bank().layout(), &self.body.geometry);
         let [height, width] = self.exposed(shots);
         let scenes =
@@ -597,7 +580,7 @@ impl Camera {
         psfs: &PsfLeaves,
         placements: &[Placement],
         [height, width]: [usize; 2],
-    ) -> Result<Tensor<4>, DesignError> {
+    ) -> Result<Tensor<4>> {
         let (layout, geometry) = (optics.psfs.bank().layout(), &self.body.geometry);
         let (table, radius_mm) = (psfs.illumination.clone(), psfs.radius_mm.clone());
         Ok(illumination_op(table, radius_mm, &layout, geometry, placements, height, width)?)
@@ -612,7 +595,7 @@ impl Camera {
         raw: Tensor<4>,
         illumination: Tensor<4>,
         captures: &[Capture],
-    ) -> Result<Tensor<4>, DesignError> {
+    ) -> Result<Tensor<4>> {
         Ok(linear_isp_op(raw, illumination, &self.body.isp, &self.body.sensor, captures)?)
     }
 
@@ -623,7 +606,7 @@ impl Camera {
         psfs: &PsfLeaves,
         developed: Tensor<4>,
         captures: &[Capture],
-    ) -> Result<Option<Tensor<4>>, DesignError> {
+    ) -> Result<Option<Tensor<4>>> {
         let Some(wiener) = self.body.restoration else { return Ok(None) };
         let fixed = || {
             let curves = TensorData::new(wiener.curves.as_flattened().to_vec(), [3, KNOTS]);
@@ -648,7 +631,7 @@ impl Camera {
         developed: Tensor<4>,
         restored: Option<Tensor<4>>,
         windows: &[Window],
-    ) -> Result<Tensor<4>, DesignError> {
+    ) -> Result<Tensor<4>> {
         let [.., height, width] = developed.dims();
         let body = &self.body;
         let Some(network) = &self.network else { return Ok(srgb_encode_op(restored.unwrap_or(developed))) };
@@ -668,7 +651,7 @@ impl Camera {
         raw: &Tensor<4>,
         illumination: &Tensor<4>,
         captures: &[Capture],
-    ) -> Result<Option<Tensor<4>>, DesignError> {
+    ) -> Result<Option<Tensor<4>>> {
         let Some(chip) = &self.body.chip else { return Ok(None) };
         let inputs = raw_inputs(raw, illumination, captures, &self.body.sensor)?;
         let values = self.chip.clone().unwrap_or_else(|| ChipValues::Exact(chip.values().to_vec()));
@@ -677,7 +660,7 @@ impl Camera {
 
     /// What finished pictures should be, `[batch, 3, height, width]`, sRGB-encoded: the scenes themselves; behind a hardware ISP what it
     /// makes of them, with its own values, through perfect optics and without noise.
-    pub fn truths(&self, shots: &[Shot]) -> Result<Tensor<4>, DesignError> {
+    pub fn truths(&self, shots: &[Shot]) -> Result<Tensor<4>> {
         let device = &self.body.device;
         let Some(chip) = &self.body.chip else { return Ok(encoded(&self.scenes(shots)?, device)) };
         // As the frames: developed with what is exposed around the windows.
@@ -687,7 +670,7 @@ impl Camera {
             let capture = Capture { exposure: self.body.truth_exposure, ..self.capture(shot) };
             ideal_input(&scene, &capture, &self.body.sensor)
         };
-        let inputs = shots.iter().map(ideal).collect::<Result<Vec<_>, DesignError>>()?;
+        let inputs = shots.iter().map(ideal).collect::<Result<Vec<_>>>()?;
         let developed = chip::exact(chip, chip.values(), &inputs, size, device)?;
         let captures: Vec<Capture> = shots.iter().map(|s| self.capture(s)).collect();
         let kept: Vec<Window> = shots.iter().map(|s| self.kept(s)).collect();
@@ -695,7 +678,7 @@ impl Camera {
     }
 
     /// The windows of the scenes that are kept, without what only PSFs and development need: what a perfect camera would take.
-    pub fn scenes(&self, shots: &[Shot]) -> Result<Vec<LinearImage>, DesignError> {
+    pub fn scenes(&self, shots: &[Shot]) -> Result<Vec<LinearImage>> {
         let window = |shot: &Shot| {
             let kept = self.kept(shot);
             let (down, right) = inset(shot.placement, &kept);

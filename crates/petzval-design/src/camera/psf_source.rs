@@ -8,7 +8,7 @@ use petzval_optics::lens::Lens;
 use petzval_optics::psf::PsfKind;
 
 use crate::camera::optics_proxy::{ProxyOptics, ProxyPsfs};
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::lens::psf_plan::{BankWithTape, PsfPlan};
 
 /// Where the PSFs of a camera come from.
@@ -60,7 +60,7 @@ enum Kind {
 
 impl PsfSource {
     /// Forms the PSFs.
-    pub fn psfs(self) -> Result<Psfs, DesignError> {
+    pub fn psfs(self) -> Result<Psfs> {
         let kind = match self {
             Self::Traced { lens, plan } => {
                 let traced = Box::new(plan.trace(&lens)?);
@@ -133,12 +133,7 @@ impl Psfs {
     /// Pulls the cotangents of the PSFs, laid out as in [`PsfBank`], back to the lens: by the adjoint of ray tracing, or through the
     /// network. With ray tracing, the cotangents of the radii are those of the landing points of the chief rays, at fixed fields. The radii
     /// of the network are fixed. Where no lens forms the PSFs, the chain ends at them, and this is an error.
-    pub fn pull_back(
-        &self,
-        by_values: &[f32],
-        by_illumination: &[f32],
-        by_radius: &[f32],
-    ) -> Result<ByLens, DesignError> {
+    pub fn pull_back(&self, by_values: &[f32], by_illumination: &[f32], by_radius: &[f32]) -> Result<ByLens> {
         match &self.kind {
             Kind::Traced { plan, traced, .. } => {
                 Ok(ByLens::Numbers(plan.gradient(traced, by_values, by_illumination, by_radius)))

@@ -1,38 +1,40 @@
 //! An experiment as a file to read and to start from: every key with its unit, range and sentence.
 
-use petzval_base::parameter::{ParameterTable, Parameters};
-use petzval_learn::loss::ImageLoss;
+use petzval_base::parameter::{OutOfRange, ParameterTable, Parameters};
 use serde_json::Value;
 
-use super::{
-    CheckpointConfig, ConstraintConfig, Experiment, ExposureConfig, IspConfig, NetworkConfig, OpticsConfig,
-    PsfConfig, ReadingConfig, ScoringConfig, SpotConfig, StreetConfig, TrainingConfig, ValidationConfig,
-};
-use crate::error::DesignError;
+use super::Experiment;
+use crate::error::Result;
 
-/// The tables of numbers of an experiment, by name.
-pub(super) fn tables() -> [(&'static str, ParameterTable); 14] {
+/// A table of numbers of an experiment: its name, what it holds, and the first value outside its range.
+pub(super) type NumberTable = (&'static str, ParameterTable, Option<OutOfRange>);
+
+/// The tables of numbers of an experiment.
+pub(super) fn tables(e: &Experiment) -> [NumberTable; 14] {
+    fn of<P: Parameters>(name: &'static str, table: &P) -> NumberTable {
+        (name, P::table(), table.out_of_range())
+    }
     [
-        ("exposure", ExposureConfig::table()),
-        ("psf", PsfConfig::table()),
-        ("isp", IspConfig::table()),
-        ("network", NetworkConfig::table()),
-        ("street", StreetConfig::table()),
-        ("training", TrainingConfig::table()),
-        ("loss", ImageLoss::table()),
-        ("optics", OpticsConfig::table()),
-        ("spot", SpotConfig::table()),
-        ("constraints", ConstraintConfig::table()),
-        ("scoring", ScoringConfig::table()),
-        ("validation", ValidationConfig::table()),
-        ("checkpoint", CheckpointConfig::table()),
-        ("reading", ReadingConfig::table()),
+        of("exposure", &e.exposure),
+        of("psf", &e.psf),
+        of("isp", &e.isp),
+        of("network", &e.network),
+        of("street", &e.street),
+        of("training", &e.training),
+        of("loss", &e.loss),
+        of("optics", &e.optics),
+        of("spot", &e.spot),
+        of("constraints", &e.constraints),
+        of("scoring", &e.scoring),
+        of("validation", &e.validation),
+        of("checkpoint", &e.checkpoint),
+        of("reading", &e.reading),
     ]
 }
 
 /// [`Experiment::to_toml`] with a comment above each table, and behind each number and each word that is one of several.
-pub fn commented_toml(experiment: &Experiment) -> Result<String, DesignError> {
-    let tables = tables();
+pub fn commented_toml(experiment: &Experiment) -> Result<String> {
+    let tables = tables(experiment);
     let schema = schemars::schema_for!(Experiment).to_value();
     let mut current: Option<&ParameterTable> = None;
     let mut name = "";
@@ -40,7 +42,7 @@ pub fn commented_toml(experiment: &Experiment) -> Result<String, DesignError> {
     for line in experiment.to_toml()?.lines() {
         if let Some(header) = line.strip_prefix('[') {
             name = header.trim_end_matches(']');
-            current = tables.iter().find(|(table, _)| *table == name).map(|(_, table)| table);
+            current = tables.iter().find(|(table, ..)| *table == name).map(|(_, table, _)| table);
             if let Some(table) = current {
                 out += &format!("# {}\n", table.sentence);
             }

@@ -41,7 +41,7 @@ use petzval_learn::loss::ImageLoss;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 
 /// The task of an experiment that names none.
 const DEFAULT_TASK: &str = "image-quality";
@@ -155,7 +155,7 @@ impl Experiment {
     }
 
     /// The experiment as a file that [`Tasks::parse`](crate::task::Tasks::parse) reads back to the same values.
-    pub fn to_toml(&self) -> Result<String, DesignError> {
+    pub fn to_toml(&self) -> Result<String> {
         toml::to_string(self)
             .map_err(|e| DesignError::Unwritable { what: "the experiment", problem: e.to_string() })
     }

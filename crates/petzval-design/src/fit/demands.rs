@@ -10,7 +10,7 @@ use serde::Deserialize;
 use super::sensor::megapixels;
 use super::windows::border;
 use crate::assets::Assets;
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment, PicturesKey};
 use crate::first_look::{Planned, planned, steps_in_words};
 use crate::task::enlarged_by;
@@ -24,7 +24,7 @@ pub fn demands(
     pictures: PicturesKey,
     sensor: &SensorModel,
     assets: &Assets,
-) -> Result<Vec<String>, DesignError> {
+) -> Result<Vec<String>> {
     let own = pictures != PicturesKey::Photos || experiment.photos != BUILT_IN_PHOTOS;
     let photos = if own { None } else { enlarged_photos(sensor, assets)? };
     let cameras: Vec<Planned> = experiment.variants().iter().map(planned).collect();
@@ -39,7 +39,7 @@ struct Photo {
 }
 
 /// How much a whole frame of the sensor enlarges the built-in photographs; `None` if it does not.
-fn enlarged_photos(sensor: &SensorModel, assets: &Assets) -> Result<Option<String>, DesignError> {
+fn enlarged_photos(sensor: &SensorModel, assets: &Assets) -> Result<Option<String>> {
     let list = assets.text("photograph list", "photos", "photos")?;
     let list: BTreeMap<String, Vec<Photo>> = toml::from_str(&list.text)
         .map_err(|e| DesignError::input(&list.path)(FileError::from_toml(&list.text, &e)))?;
@@ -60,7 +60,7 @@ fn enlarged_photos(sensor: &SensorModel, assets: &Assets) -> Result<Option<Strin
 }
 
 /// What steps work on, which decides their time.
-fn work(experiment: &Experiment, sensor: &SensorModel) -> Result<String, DesignError> {
+fn work(experiment: &Experiment, sensor: &SensorModel) -> Result<String> {
     let psf = &experiment.psf;
     let window = experiment.training.crop + 2 * border(psf, sensor)?;
     let pixels = window.pow(2) as f64 / experiment.training.crop.pow(2) as f64;

@@ -3,7 +3,7 @@
 use petzval_camera::sensor::SensorModel;
 use petzval_optics::lens::Lens;
 
-use crate::error::DesignError;
+use crate::error::Result;
 use crate::experiment::{PsfConfig, PsfsBy};
 
 /// Fields on which a grid is tried.
@@ -29,11 +29,7 @@ const PITCH_UM: [f64; 2] = [0.05, 50.0];
 const MOST_CELLS: usize = 1024;
 
 /// Sets grid and pitch to the smallest that hold the light of a lens on a sensor; returns what to say of another grid.
-pub(super) fn fit(
-    psf: &mut PsfConfig,
-    sensor: &SensorModel,
-    lens: &Lens,
-) -> Result<Option<String>, DesignError> {
+pub(super) fn fit(psf: &mut PsfConfig, sensor: &SensorModel, lens: &Lens) -> Result<Option<String>> {
     let before = (psf.grid, psf.pitch_um);
     let of_pixel = sensor.pixel_um / CELLS_A_PIXEL;
     // The pitch of the experiment does for pixels like those of the built-in ones.
@@ -77,7 +73,7 @@ pub(super) fn fit(
 }
 
 /// Least share of the light of a lens, over fields and colours, that a grid holds, and the field of it, rad.
-fn share_held(psf: &PsfConfig, sensor: &SensorModel, lens: &Lens) -> Result<(f64, f64), DesignError> {
+fn share_held(psf: &PsfConfig, sensor: &SensorModel, lens: &Lens) -> Result<(f64, f64)> {
     let tried = PsfConfig { fields: FIELDS, ..psf.clone() };
     Ok(tried.plan(sensor, CELLS)?.trace(lens)?.least_captured())
 }
@@ -86,11 +82,7 @@ fn share_held(psf: &PsfConfig, sensor: &SensorModel, lens: &Lens) -> Result<(f64
 const IMAGE: f64 = 0.5;
 
 /// What to say of a grid, once nothing changes it any more, that holds too little of the light of a lens.
-pub(super) fn lost_light(
-    psf: &PsfConfig,
-    sensor: &SensorModel,
-    lens: &Lens,
-) -> Result<Option<String>, DesignError> {
+pub(super) fn lost_light(psf: &PsfConfig, sensor: &SensorModel, lens: &Lens) -> Result<Option<String>> {
     let (held, field_rad) = share_held(psf, sensor, lens)?;
     let lost = psf.lost_light(held, Some(field_rad.to_degrees()));
     let why = if held < IMAGE {
@@ -106,7 +98,7 @@ pub(super) fn rays_or_waves(
     psf: &mut PsfConfig,
     sensor: &SensorModel,
     lens: &Lens,
-) -> Result<Option<String>, DesignError> {
+) -> Result<Option<String>> {
     let by_rays = psf.plan(sensor, CELLS)?.trace(lens)?.by_rays();
     let rough = psf.rough_fields(by_rays);
     if rough.is_some() {

@@ -22,7 +22,7 @@ use petzval_optics::number::Number;
 use petzval_optics::paraxial::first_order;
 
 use crate::assets::Assets;
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{BlockName, Experiment, PicturesKey};
 
 /// A lens to fit an experiment to.
@@ -71,7 +71,7 @@ const VISIBLE_UM: std::ops::RangeInclusive<f64> = 0.38..=0.78;
 const APART: f64 = 0.01;
 
 /// Fits an experiment to a lens. Refuses a lens that makes no picture on a sensor.
-pub fn fit(of: FitOf, assets: &Assets) -> Result<Fitted, DesignError> {
+pub fn fit(of: FitOf, assets: &Assets) -> Result<Fitted> {
     let FitOf { mut experiment, lens: Import { file: mut own, open, .. }, lens_name, sensor, pictures } = of;
     let refuse = |message: &str, hint: &str| DesignError::misfit(Path::new(lens_name), &message, hint);
     check_forms_an_image(&own.lens).map_err(|(message, hint)| refuse(message, hint))?;

@@ -9,7 +9,7 @@ use petzval_camera::sensor::{Colour, SensorModel};
 use super::field::Reach;
 use super::focus::round;
 use crate::assets::Assets;
-use crate::error::DesignError;
+use crate::error::Result;
 use crate::experiment::ExposureConfig;
 
 /// The corner of a sensor that takes the image of a lens, as a share of the image circle's radius.
@@ -50,12 +50,7 @@ pub(super) fn megapixels(sensor: &SensorModel) -> String {
 
 /// The sensor that the user names; or the experiment's, or else another built-in one in colour, if it fits the image of the lens; or the pixels of the
 /// experiment's in an array that does.
-pub(super) fn choose(
-    own: &str,
-    named: Option<&str>,
-    reach: &Reach,
-    assets: &Assets,
-) -> Result<Picked, DesignError> {
+pub(super) fn choose(own: &str, named: Option<&str>, reach: &Reach, assets: &Assets) -> Result<Picked> {
     let as_it_is = |name: &str, model: SensorModel| {
         let before_mm = corner_mm(&model);
         Picked { name: name.to_owned(), model, is_fitted: false, pixel_area: 1.0, before_mm }

@@ -9,7 +9,7 @@ use petzval_files::stored_pictures;
 use rayon::prelude::*;
 
 use crate::cameras::SURROUND;
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment, PicturesKey, PsfConfig};
 
 /// Shortest side of the built-in photographs, pixels.
@@ -19,7 +19,7 @@ const SHORTEST: usize = 200;
 const LEAST: usize = 64;
 
 /// Pixels around a window that blur and restoration bring into it.
-pub(super) fn border(psf: &PsfConfig, sensor: &SensorModel) -> Result<usize, DesignError> {
+pub(super) fn border(psf: &PsfConfig, sensor: &SensorModel) -> Result<usize> {
     let layout = PsfLayout {
         field_radius_mm: psf.plan(sensor, psf.pupil_cells)?.field_radius_mm,
         grid: psf.grid,
@@ -65,14 +65,14 @@ pub(super) fn fit(
     experiment: &mut Experiment,
     pictures: PicturesKey,
     sensor: &SensorModel,
-) -> Result<Vec<String>, DesignError> {
+) -> Result<Vec<String>> {
     if pictures != PicturesKey::Photos {
         return Ok(Vec::new());
     }
     let Some(Photographs { named, side, hint }) = photographs(&experiment.photos) else {
         return Ok(Vec::new());
     };
-    let room = |psf: &PsfConfig| -> Result<usize, DesignError> {
+    let room = |psf: &PsfConfig| -> Result<usize> {
         // Whole cells of a colour array.
         Ok(side.saturating_sub(2 * border(psf, sensor)?) / 2 * 2)
     };

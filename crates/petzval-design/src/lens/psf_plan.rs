@@ -18,7 +18,7 @@ use petzval_optics::pupil::{PupilRefinement, Quadrature, chief_ray, field_imaged
 use petzval_optics::trace::Sequence;
 use rayon::prelude::*;
 
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{PsfConfig, PsfsBy};
 
 /// The fields, wavelengths and grids on which a lens is turned into PSFs.
@@ -64,7 +64,7 @@ pub struct BankWithTape {
 impl PsfConfig {
     /// The plan for a sensor, with `cells` cells across the pupil. The image of a lens without aberrations is that of the kind,
     /// and PSFs of rough fields are by rays.
-    pub fn plan(&self, sensor: &SensorModel, cells: usize) -> Result<PsfPlan, DesignError> {
+    pub fn plan(&self, sensor: &SensorModel, cells: usize) -> Result<PsfPlan> {
         let corner_mm = 0.5e-3 * sensor.pixel_um * (sensor.height as f64).hypot(sensor.width as f64);
         let options = PsfOptions { grid: self.grid, pitch_um: self.pitch_um, kind: self.kind.traced() };
         let plan =
@@ -173,12 +173,12 @@ fn image_scale_mm(lens: &Lens) -> f64 {
 }
 
 /// Field angle of a lens whose chief ray lands `radius_mm` from the axis, rad, distortion included.
-pub(crate) fn field_angle(lens: &Lens, radius_mm: f64) -> Result<f64, DesignError> {
+pub(crate) fn field_angle(lens: &Lens, radius_mm: f64) -> Result<f64> {
     let reference = lens.at_wavelength(lens.reference_um);
     field_imaged(&reference, radius_mm, (radius_mm / image_scale_mm(lens)).atan())
 }
 
-fn field_imaged(reference: &Sequence, radius_mm: f64, guess_rad: f64) -> Result<f64, DesignError> {
+fn field_imaged(reference: &Sequence, radius_mm: f64, guess_rad: f64) -> Result<f64> {
     if radius_mm == 0.0 {
         return Ok(0.0);
     }
@@ -227,7 +227,7 @@ impl PsfPlan {
     /// cells do not become fewer than they are.
     ///
     /// Waves choose their own grid of the pupil, and the pattern of a lens without aberrations needs none: the plan stays, and the error is 0.
-    pub fn converged(&self, lens: &Lens, tolerance: f64) -> Result<(Self, f64), DesignError> {
+    pub fn converged(&self, lens: &Lens, tolerance: f64) -> Result<(Self, f64)> {
         if self.options.kind == PsfKind::Diffraction || focused_thin_lens_mm(lens).is_some() {
             return Ok((self.clone(), 0.0));
         }
@@ -245,19 +245,19 @@ impl PsfPlan {
                 let psf = psf.ok_or(DesignError::NoLight { field_deg: field.to_degrees() })?;
                 Ok((psf.cells, psf.error))
             })
-            .collect::<Result<_, DesignError>>()?;
+            .collect::<Result<_>>()?;
         let cells = found.iter().map(|f| f.0).max().unwrap_or(self.quadrature.cells);
         let error = found.iter().map(|f| f.1).fold(0.0, maximum);
         Ok((Self { quadrature: Quadrature::grid(cells)?, ..self.clone() }, error))
     }
 
     /// Field angle whose chief ray lands `radius_mm` from the axis, rad, distortion included.
-    pub fn field_angle(&self, lens: &Lens, radius_mm: f64) -> Result<f64, DesignError> {
+    pub fn field_angle(&self, lens: &Lens, radius_mm: f64) -> Result<f64> {
         field_angle(lens, radius_mm)
     }
 
     /// Field angles of all fields, rad.
-    pub fn field_angles(&self, lens: &Lens) -> Result<Vec<f64>, DesignError> {
+    pub fn field_angles(&self, lens: &Lens) -> Result<Vec<f64>> {
         if let Some(held) = &self.held_fields_rad {
             return Ok(held.clone());
         }
@@ -286,7 +286,7 @@ impl PsfPlan {
 
     /// Image height per tangent of the field, mm, which an ideal image has everywhere: that of the lens near the axis. `None` if there is no field
     /// off the axis.
-    pub fn image_scale_mm(&self, lens: &Lens) -> Result<Option<f64>, DesignError> {
+    pub fn image_scale_mm(&self, lens: &Lens) -> Result<Option<f64>> {
         let near = self.field_angles(lens)?.last().copied().unwrap_or(0.0) * NEAR_AXIS;
         if near == 0.0 {
             return Ok(None);
@@ -298,7 +298,7 @@ impl PsfPlan {
 
     /// The chief-ray map of a lens: where on the image the points of a rectilinear picture land. An error if a field is wider than 85
     /// degrees.
-    pub fn distortion(&self, lens: &Lens) -> Result<Distortion, DesignError> {
+    pub fn distortion(&self, lens: &Lens) -> Result<Distortion> {
         let angles = self.field_angles(lens)?;
         if let Some(field) = angles.iter().find(|field| field.abs() > WIDEST_PICTURE_RAD) {
             return Err(DesignError::TooWideForAPicture { field_deg: field.to_degrees() });
@@ -308,14 +308,14 @@ impl PsfPlan {
             let chief = chief_ray(&reference, field);
             Ok(chief.ok_or(DesignError::NoLight { field_deg: field.to_degrees() })?.y_mm)
         };
-        let image_mm = angles.iter().map(|field| height(*field)).collect::<Result<Vec<_>, DesignError>>()?;
+        let image_mm = angles.iter().map(|field| height(*field)).collect::<Result<Vec<_>>>()?;
         let scale_mm = self.image_scale_mm(lens)?.unwrap_or(1.0);
         let ideal_mm = angles.iter().map(|field| scale_mm * field.tan()).collect();
         Ok(Distortion::new(image_mm, ideal_mm).map_err(RenderError::from)?)
     }
 
     /// PSFs of every field with their tapes; fields in parallel, each in a fixed order.
-    pub fn trace(&self, lens: &Lens) -> Result<BankWithTape, DesignError> {
+    pub fn trace(&self, lens: &Lens) -> Result<BankWithTape> {
         if !lens.is_rotationally_symmetric() {
             return Err(DesignError::NotSymmetric(lens.name.clone()));
         }
@@ -345,7 +345,7 @@ impl PsfPlan {
     }
 
     /// PSFs of every field in double precision, for analysis and for files.
-    pub fn psfs(&self, lens: &Lens) -> Result<Vec<FieldPsf>, DesignError> {
+    pub fn psfs(&self, lens: &Lens) -> Result<Vec<FieldPsf>> {
         let angles = self.field_angles(lens)?;
         angles.par_iter().enumerate().map(|(i, field)| Ok(self.psf(lens, i, *field)?.0)).collect()
     }
@@ -370,12 +370,7 @@ impl PsfPlan {
     }
 
     /// The PSF of a field, which is the `index`-th: by tracing, with its tape, or of a lens without aberrations.
-    fn psf(
-        &self,
-        lens: &Lens,
-        index: usize,
-        field_rad: f64,
-    ) -> Result<(FieldPsf, Option<PsfTape>), DesignError> {
+    fn psf(&self, lens: &Lens, index: usize, field_rad: f64) -> Result<(FieldPsf, Option<PsfTape>)> {
         let (colours, options) = (&self.wavelengths_um, &self.options);
         if let Some(perfect) = perfect_psf(lens, field_rad, colours, options, self.perfect_image) {
             return Ok((perfect, None));
@@ -396,7 +391,7 @@ impl PsfPlan {
     }
 
     /// PSFs of every field.
-    pub fn bank(&self, lens: &Lens) -> Result<PsfBank, DesignError> {
+    pub fn bank(&self, lens: &Lens) -> Result<PsfBank> {
         Ok(self.trace(lens)?.bank)
     }
 

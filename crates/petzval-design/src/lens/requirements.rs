@@ -6,7 +6,7 @@ use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::Lens;
 use petzval_optics::pupil::chief_ray;
 
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{ConstraintConfig, FieldOfView};
 
 /// Requirements of the moving lenses of an experiment, the same for the control and for end to end.
@@ -27,7 +27,7 @@ impl Requirements {
         nominal: &LensFile,
         config: &ConstraintConfig,
         fields_rad: &[f64],
-    ) -> Result<Self, DesignError> {
+    ) -> Result<Self> {
         let corner_field_rad = fields_rad.last().copied().unwrap_or(0.0);
         let lens = &nominal.lens;
         let chief = chief_ray(&in_focus.at_wavelength(in_focus.reference_um), corner_field_rad)
@@ -58,11 +58,7 @@ impl Requirements {
     }
 
     /// The squares of the violations, mm^2, each with its gradient; with a free field of view without those of its fields.
-    pub fn violations(
-        &self,
-        lens: &Lens,
-        field: FieldOfView,
-    ) -> Result<Vec<(f64, LensGradient)>, DesignError> {
+    pub fn violations(&self, lens: &Lens, field: FieldOfView) -> Result<Vec<(f64, LensGradient)>> {
         let is_of_a_field =
             |c: &Constraint| matches!(c, Constraint::ChiefHeight { .. } | Constraint::Light { .. });
         let counts = |c: &&Constraint| field == FieldOfView::Held || !is_of_a_field(c);

@@ -11,7 +11,7 @@ use petzval_optics::merit::{Better, Merit, Seen, SpotResiduals, lifted_normal_eq
 use petzval_optics::number::Number;
 use petzval_optics::paraxial::{image_brightness, pull_back_log_brightness};
 
-use crate::error::DesignError;
+use crate::error::Result;
 use crate::lens::psf_plan::{BankWithTape, PsfPlan};
 
 /// The root of the expected squared error that the best linear restoration of raw frames leaves, in percent of white: the mean over
@@ -38,12 +38,12 @@ impl RestoredError {
         self.stated_brightness.map_or(1.0, |stated| own() / stated)
     }
 
-    fn of(&self, lens: &Lens) -> Result<f64, DesignError> {
+    fn of(&self, lens: &Lens) -> Result<f64> {
         let found = self.limit.mean_square(&brightened(self.plan.bank(lens)?, self.light(lens)))?;
         Ok(percent(found))
     }
 
-    fn gradient(&self, lens: &Lens, traced: &BankWithTape) -> Result<(f64, LensGradient), DesignError> {
+    fn gradient(&self, lens: &Lens, traced: &BankWithTape) -> Result<(f64, LensGradient)> {
         let light = self.light(lens);
         let bright = brightened(traced.bank.clone(), light);
         let LimitGradient { mean_square, by_values, by_illumination, by_radius } =

@@ -6,7 +6,7 @@ use petzval_optics::lens::{Lens, validate};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::lens::psf_plan::{BankWithTape, PsfPlan};
 use crate::lens::start::Start;
 
@@ -88,17 +88,17 @@ impl LensSampler {
     }
 
     /// The free coordinates of a lens whose light arrives at all fields of the plan.
-    pub fn coordinates(&self, number: u64) -> Result<Vec<f64>, DesignError> {
+    pub fn coordinates(&self, number: u64) -> Result<Vec<f64>> {
         self.first(number, |_| self.plan.clone()).map(|(x, ..)| x)
     }
 
     /// A lens with the PSFs of all fields of the plan.
-    pub fn lens(&self, number: u64) -> Result<(Lens, BankWithTape), DesignError> {
+    pub fn lens(&self, number: u64) -> Result<(Lens, BankWithTape)> {
         self.first(number, |_| self.plan.clone()).map(|(_, lens, traced)| (lens, traced))
     }
 
     /// A lens with its PSF at one field, drawn evenly from the axis to the corner; other fields of it may have no light.
-    pub fn lens_and_field(&self, number: u64) -> Result<(Lens, BankWithTape), DesignError> {
+    pub fn lens_and_field(&self, number: u64) -> Result<(Lens, BankWithTape)> {
         let corner_mm = self.plan.field_radius_mm.last().copied().unwrap_or(0.0);
         self.first(number, |random| {
             let radius_mm = random.random_range(0.0..=corner_mm);
@@ -112,7 +112,7 @@ impl LensSampler {
         &self,
         number: u64,
         plan: impl Fn(&mut ChaCha8Rng) -> PsfPlan,
-    ) -> Result<(Vec<f64>, Lens, BankWithTape), DesignError> {
+    ) -> Result<(Vec<f64>, Lens, BankWithTape)> {
         let mut random = self.random(number);
         for _ in 0..MOST_DRAWN {
             let x = self.draw(&mut random);

@@ -20,7 +20,7 @@ use petzval_optics::solve::{thin_equivalent, with_best_focus};
 use petzval_optics::spot::spot;
 
 use crate::assets::Assets;
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{BOX_CENTRE_LENS, Experiment, FieldOfView, LensGoal, PERFECT_LENS};
 use crate::lens::psf_plan::PsfPlan;
 use crate::lens::requirements::Requirements;
@@ -82,7 +82,7 @@ impl Start {
         sensor: &SensorModel,
         plan: &PsfPlan,
         limit: &Arc<LinearLimit>,
-    ) -> Result<Self, DesignError> {
+    ) -> Result<Self> {
         let mut lens_file = match name {
             PERFECT_LENS => {
                 let lens = assets.import(&experiment.lens)?.file.lens;

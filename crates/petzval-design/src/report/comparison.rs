@@ -10,7 +10,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment, STREET};
 use crate::library::Library;
 use crate::path_text::path_text;
@@ -185,7 +185,7 @@ pub fn compare(
     library: &Library,
     accepted: &[String],
     warn: &dyn Fn(&str),
-) -> Result<Vec<Comparison>, DesignError> {
+) -> Result<Vec<Comparison>> {
     let mut groups: Vec<Vec<Finished>> = Vec::new();
     for root in runs {
         let run = finished(root, library, accepted, warn)?;
@@ -254,7 +254,7 @@ fn differences(groups: &[Vec<Finished>]) -> Vec<Vec<(String, String)>> {
 const SHOWN_OF_DIGEST: usize = 8;
 
 /// Inputs and instruction set of a run by name.
-fn facts(run: &RunFolder, fingerprint: &str) -> Result<BTreeMap<String, String>, DesignError> {
+fn facts(run: &RunFolder, fingerprint: &str) -> Result<BTreeMap<String, String>> {
     let short = |digest: &str| digest.chars().take(SHOWN_OF_DIGEST).collect::<String>();
     let mut facts = BTreeMap::new();
     match InputList::read(run)? {
@@ -280,12 +280,7 @@ fn facts(run: &RunFolder, fingerprint: &str) -> Result<BTreeMap<String, String>,
     Ok(facts)
 }
 
-fn finished(
-    root: &Path,
-    library: &Library,
-    accepted: &[String],
-    warn: &dyn Fn(&str),
-) -> Result<Finished, DesignError> {
+fn finished(root: &Path, library: &Library, accepted: &[String], warn: &dyn Fn(&str)) -> Result<Finished> {
     let run = RunFolder::open(root)?;
     let check = DigestCheck::new(&run, accepted, warn);
     let metrics = read_metrics(&run)?;
@@ -304,11 +299,7 @@ fn finished(
 
 /// What the paper prints for the experiment of a run: one with the title, the task, the lens and cameras of a built-in experiment that repeats a
 /// table.
-fn printed_for(
-    run: &Finished,
-    tables: &[PaperTable],
-    library: &Library,
-) -> Result<Option<PaperTable>, DesignError> {
+fn printed_for(run: &Finished, tables: &[PaperTable], library: &Library) -> Result<Option<PaperTable>> {
     let config = &run.config;
     let Some(table) = tables.iter().find(|table| table.experiments.contains(&config.name)) else {
         return Ok(None);

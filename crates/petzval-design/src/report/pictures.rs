@@ -8,7 +8,7 @@ use petzval_report::design_report::{
     CameraPicture, FrameView, HeldOutScores, PictureView, Report, Role, choice, detail,
 };
 
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::Variant;
 use crate::run::picture_names::{file_name, spread_pictures, whole_name, whole_png};
 use crate::run::{CameraMetrics, Metrics, PictureScore, RunFolder};
@@ -131,7 +131,7 @@ pub(crate) fn pictures(
 }
 
 /// Whole frames of a photograph, if they were made: the scene and those of the cameras.
-pub(crate) fn frames(run: &RunFolder, variants: &[Variant]) -> Result<Vec<FrameView>, DesignError> {
+pub(crate) fn frames(run: &RunFolder, variants: &[Variant]) -> Result<Vec<FrameView>> {
     if !run.picture(&whole_name(None)).is_file() {
         return Ok(Vec::new());
     }

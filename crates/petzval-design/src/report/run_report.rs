@@ -14,7 +14,7 @@ use petzval_optics::lens::Lens;
 use petzval_optics::number::Number;
 use petzval_optics::psf::FieldPsf;
 
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{BlockName, DetectorInput, LensGoal, SameOf, Variant};
 use crate::lens::numbers::{full_name, surface_name, unit_of};
 use crate::lens::psf_plan::PsfPlan;
@@ -44,7 +44,7 @@ const SHOWN_OF_NYQUIST: f64 = 1.2;
 const LAYOUT_SHARES: [f64; 3] = [0.0, 0.5, 1.0];
 
 /// The lens of a finished camera.
-pub fn camera_lens(run: &RunFolder, camera: &str) -> Result<LensFile, DesignError> {
+pub fn camera_lens(run: &RunFolder, camera: &str) -> Result<LensFile> {
     let path = run.camera(camera).join("lens.toml");
     let text = petzval_base::read_text(&path).map_err(DesignError::io(&path))?;
     // A lens that we wrote carries its glasses with it.
@@ -52,7 +52,7 @@ pub fn camera_lens(run: &RunFolder, camera: &str) -> Result<LensFile, DesignErro
 }
 
 /// The figures of a finished run.
-pub fn read_metrics(run: &RunFolder) -> Result<Metrics, DesignError> {
+pub fn read_metrics(run: &RunFolder) -> Result<Metrics> {
     let path = run.metrics();
     if !path.is_file() {
         let problem =
@@ -63,7 +63,7 @@ pub fn read_metrics(run: &RunFolder) -> Result<Metrics, DesignError> {
 }
 
 /// Gathers everything that a report shows.
-pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Result<Report, DesignError> {
+pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Result<Report> {
     let metrics = read_metrics(run)?;
     let events = read_events(&run.events())?;
     let mut lenses = Vec::new();
@@ -94,7 +94,7 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
 }
 
 /// The report of an unfinished run: its finished cameras with their figures, and the lens of the camera at work.
-pub fn report_so_far(setup: &Setup, run: &RunFolder, metrics: Metrics) -> Result<Report, DesignError> {
+pub fn report_so_far(setup: &Setup, run: &RunFolder, metrics: Metrics) -> Result<Report> {
     let events = if run.events().is_file() { read_events(&run.events())? } else { Vec::new() };
     let at_work = run_progress::at_work(setup, &events);
     // A run that was extended has earlier figures of the camera at work.
@@ -123,7 +123,7 @@ fn gathered(
     metrics: &Metrics,
     events: Vec<Event>,
     lenses: &[(&Variant, Lens)],
-) -> Result<Report, DesignError> {
+) -> Result<Report> {
     let record = RunRecord::read(run)?;
     let plan = &setup.fixed_plan;
     let full_rad = plan.field_angles(&setup.nominal().lens_file.lens)?.last().copied().unwrap_or(0.0);
@@ -227,7 +227,7 @@ fn cameras_in_words(setup: &Setup, events: &[Event]) -> String {
 }
 
 /// PSFs at the shown fields, with their RMS radii.
-fn psf_views(plan: &PsfPlan, lens: &Lens) -> Result<Vec<PsfView>, DesignError> {
+fn psf_views(plan: &PsfPlan, lens: &Lens) -> Result<Vec<PsfView>> {
     let psfs = plan.psfs(lens)?;
     let last = psfs.len() - 1;
     let shown = SHOWN_QUARTERS.map(|q| &psfs[(q * last + 2) / 4]);
@@ -368,7 +368,7 @@ fn score(of: &ScoreDescription) -> Score {
 }
 
 /// What moved of a camera's exposure and of its hardware ISP, before and after.
-fn setting_changes(setup: &Setup, variant: &Variant, run: &RunFolder) -> Result<Vec<Change>, DesignError> {
+fn setting_changes(setup: &Setup, variant: &Variant, run: &RunFolder) -> Result<Vec<Change>> {
     // Mapping to 0..1 and back rounds: values are compared only for blocks that moved.
     let moves = |block: BlockName| setup.task_steps(variant, block) > 0;
     if ![BlockName::Exposure, BlockName::Isp].into_iter().any(moves) {
@@ -497,7 +497,7 @@ fn loss_in_words(name: &str) -> String {
     }
 }
 
-fn environment(path: &Path) -> Result<Vec<(String, String)>, DesignError> {
+fn environment(path: &Path) -> Result<Vec<(String, String)>> {
     let values: Option<BTreeMap<String, serde_json::Value>> = read_json_if_there(path)?;
     let plain = |v: serde_json::Value| match v {
         serde_json::Value::String(s) => s,

@@ -5,7 +5,7 @@ use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
 use super::folder::{LOCK, PARTS, RunFolder, RunLock};
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 
 /// The folder of a run that begins: locked, with the list of what was made for it.
 #[derive(Debug)]
@@ -22,7 +22,7 @@ pub struct BegunRun {
 impl BegunRun {
     /// Makes the folder of a new run and locks it. Fails as [`RunFolder::check_new`] and [`RunFolder::lock`] do, and with the system's errors; then
     /// nothing is left behind.
-    pub fn new(root: &Path) -> Result<Self, DesignError> {
+    pub fn new(root: &Path) -> Result<Self> {
         RunFolder::check_new(root)?;
         let mut above = Vec::new();
         make_with_parents(root, &mut above)?;
@@ -47,7 +47,7 @@ impl BegunRun {
     }
 
     /// Another process may have begun a run here and ended since the first look.
-    fn make_parts(&mut self) -> Result<(), DesignError> {
+    fn make_parts(&mut self) -> Result<()> {
         RunFolder::check_new(self.folder.root())?;
         PARTS.iter().try_for_each(|part| make_with_parents(&self.folder.root().join(part), &mut self.inside))
     }
@@ -63,7 +63,7 @@ impl BegunRun {
     }
 
     /// Removes the empty folders that were made for a run that is refused. What was there before stays, and what came into them.
-    pub fn take_back(self) -> Result<(), DesignError> {
+    pub fn take_back(self) -> Result<()> {
         self.inside.iter().rev().try_for_each(|path| remove_if_empty(path))?;
         // Only now may another process begin here.
         if !self.had_lock {
@@ -75,7 +75,7 @@ impl BegunRun {
 }
 
 /// Makes a folder with its parents, and lists those that were not there, the outermost first.
-fn make_with_parents(path: &Path, made: &mut Vec<PathBuf>) -> Result<(), DesignError> {
+fn make_with_parents(path: &Path, made: &mut Vec<PathBuf>) -> Result<()> {
     let missing: Vec<&Path> =
         path.ancestors().take_while(|folder| !folder.as_os_str().is_empty() && !folder.exists()).collect();
     for folder in missing.into_iter().rev() {
@@ -89,7 +89,7 @@ fn make_with_parents(path: &Path, made: &mut Vec<PathBuf>) -> Result<(), DesignE
 }
 
 /// Removes a folder unless something is in it.
-fn remove_if_empty(path: &Path) -> Result<(), DesignError> {
+fn remove_if_empty(path: &Path) -> Result<()> {
     let stays =
         |error: &io::Error| matches!(error.kind(), ErrorKind::DirectoryNotEmpty | ErrorKind::NotFound);
     match fs::remove_dir(path) {

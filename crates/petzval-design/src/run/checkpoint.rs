@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::folder::PARTIAL;
 use super::{Digests, EventsDigest, RunFolder, write_file};
 use crate::block::{Block, BlockState};
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::BlockName;
 
 const PREFIX: &str = "step-";
@@ -18,8 +18,8 @@ pub fn save_checkpoint(
     step: u64,
     keep: usize,
     events: Option<EventsDigest>,
-    fill: impl FnOnce(&Path) -> Result<(), DesignError>,
-) -> Result<(), DesignError> {
+    fill: impl FnOnce(&Path) -> Result<()>,
+) -> Result<()> {
     let root = run.checkpoints();
     let hidden = root.join(format!("{PARTIAL}{step:06}"));
     let last = root.join(format!("{PREFIX}{step:06}"));
@@ -44,12 +44,12 @@ pub fn save_checkpoint(
 }
 
 /// The latest complete checkpoint and its step.
-pub fn latest_checkpoint(run: &RunFolder) -> Result<Option<(u64, PathBuf)>, DesignError> {
+pub fn latest_checkpoint(run: &RunFolder) -> Result<Option<(u64, PathBuf)>> {
     Ok(all_checkpoints(run)?.pop())
 }
 
 /// All checkpoints with their steps, the latest last; none if their folder was taken away.
-pub fn all_checkpoints(run: &RunFolder) -> Result<Vec<(u64, PathBuf)>, DesignError> {
+pub fn all_checkpoints(run: &RunFolder) -> Result<Vec<(u64, PathBuf)>> {
     let root = &run.checkpoints();
     let mut found = Vec::new();
     let entries = match fs::read_dir(root) {
@@ -68,7 +68,7 @@ pub fn all_checkpoints(run: &RunFolder) -> Result<Vec<(u64, PathBuf)>, DesignErr
 }
 
 /// Puts a damaged checkpoint out of the way: the run comes by its step again. Returns its new name.
-pub fn set_aside(checkpoint: &Path) -> Result<PathBuf, DesignError> {
+pub fn set_aside(checkpoint: &Path) -> Result<PathBuf> {
     let name = checkpoint.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let aside = checkpoint.with_file_name(format!("damaged-{name}"));
     if aside.exists() {
@@ -84,7 +84,7 @@ pub fn save_blocks<'b>(
     folder: &Path,
     blocks: impl IntoIterator<Item = &'b dyn Block>,
     kept: Kept,
-) -> Result<(), DesignError> {
+) -> Result<()> {
     for block in blocks.into_iter().filter(|block| block.free_numbers() > 0) {
         let mut parts = block.save_numbers()?;
         if kept == Kept::NumbersAndProgress {
@@ -100,7 +100,7 @@ pub fn load_blocks<'b>(
     folder: &Path,
     blocks: impl IntoIterator<Item = &'b mut dyn Block>,
     kept: Kept,
-) -> Result<(), DesignError> {
+) -> Result<()> {
     for block in blocks.into_iter().filter(|block| block.free_numbers() > 0) {
         let state = load_state(folder, block.name())?;
         let loaded = block.load_numbers(&state).and_then(|()| match kept {
@@ -114,14 +114,14 @@ pub fn load_blocks<'b>(
 }
 
 /// Writes a state of a block into a folder: `blocks/NAME/PART`.
-pub fn save_state(folder: &Path, block: BlockName, state: &BlockState) -> Result<(), DesignError> {
+pub fn save_state(folder: &Path, block: BlockName, state: &BlockState) -> Result<()> {
     let folder = block_folder(folder, block);
     fs::create_dir_all(&folder).map_err(DesignError::io(&folder))?;
     state.iter().try_for_each(|(part, bytes)| write_file(&folder.join(part), bytes))
 }
 
 /// Reads what [`save_state`] wrote.
-pub fn load_state(folder: &Path, block: BlockName) -> Result<BlockState, DesignError> {
+pub fn load_state(folder: &Path, block: BlockName) -> Result<BlockState> {
     let folder = block_folder(folder, block);
     let mut state = BlockState::new();
     for entry in fs::read_dir(&folder).map_err(DesignError::io(&folder))? {

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::{RunFolder, read_json_if_there, write_file};
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 
 /// The file of digests in the folder whose files it lists.
 const FILE: &str = "digests.json";
@@ -38,7 +38,7 @@ pub struct EventsDigest {
 
 impl Digests {
     /// Those of all files below a folder.
-    pub fn of_folder(folder: &Path) -> Result<Self, DesignError> {
+    pub fn of_folder(folder: &Path) -> Result<Self> {
         let (mut files, mut open) = (BTreeMap::new(), vec![folder.to_path_buf()]);
         while let Some(next) = open.pop() {
             for entry in fs::read_dir(&next).map_err(DesignError::io(&next))? {
@@ -56,17 +56,17 @@ impl Digests {
     }
 
     /// Those that a folder keeps; none in a folder of an earlier version.
-    pub fn read(folder: &Path) -> Result<Option<Self>, DesignError> {
+    pub fn read(folder: &Path) -> Result<Option<Self>> {
         read_json_if_there(&folder.join(FILE))
     }
 
     /// Keeps them in their folder.
-    pub fn write(&self, folder: &Path) -> Result<(), DesignError> {
+    pub fn write(&self, folder: &Path) -> Result<()> {
         write_file(&folder.join(FILE), DesignError::json("the digests", self)?.as_bytes())
     }
 
     /// The files that are missing or have another content, in order of their names.
-    fn changed(&self, folder: &Path) -> Result<Vec<ChangedFile>, DesignError> {
+    fn changed(&self, folder: &Path) -> Result<Vec<ChangedFile>> {
         let mut changed = Vec::new();
         for (name, digest) in &self.files {
             let path = folder.join(name);
@@ -80,7 +80,7 @@ impl Digests {
 }
 
 /// Notes the digests of some files of the run's own folder, in place of earlier ones. Files that are not there are forgotten.
-pub fn note_digests(run: &RunFolder, files: &[PathBuf]) -> Result<(), DesignError> {
+pub fn note_digests(run: &RunFolder, files: &[PathBuf]) -> Result<()> {
     let mut digests = Digests::read(run.root())?.unwrap_or_default();
     for path in files {
         let name = path.strip_prefix(run.root()).unwrap_or(path).to_string_lossy().into_owned();
@@ -94,7 +94,7 @@ pub fn note_digests(run: &RunFolder, files: &[PathBuf]) -> Result<(), DesignErro
 }
 
 /// Forgets the digests of the run's own folder: it goes on, and will have other figures and events.
-pub fn forget_digests(run: &RunFolder) -> Result<(), DesignError> {
+pub fn forget_digests(run: &RunFolder) -> Result<()> {
     let path = run.root().join(FILE);
     match fs::remove_file(&path) {
         Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(DesignError::io(&path)(error)),
@@ -143,7 +143,7 @@ impl<'a> DigestCheck<'a> {
 
     /// The changes of a part of the run that are not accepted. `part`: `checkpoints/step-000012`, `cameras/nominal`; empty for the
     /// figures and events of the run itself.
-    pub fn changes(&self, part: &str) -> Result<Vec<ChangedFile>, DesignError> {
+    pub fn changes(&self, part: &str) -> Result<Vec<ChangedFile>> {
         let folder = self.run.root().join(part);
         let Some(digests) = Digests::read(&folder)? else {
             self.warn_of_missing_digests();
@@ -156,7 +156,7 @@ impl<'a> DigestCheck<'a> {
     }
 
     /// Refuses changed figures of a run that goes on. What is missing is made again, and the events are checked with a checkpoint.
-    pub fn check_before_going_on(&self) -> Result<(), DesignError> {
+    pub fn check_before_going_on(&self) -> Result<()> {
         // What is said of missing digests is said of the checkpoint.
         if !self.run.metrics().is_file() || Digests::read(self.run.root())?.is_none() {
             return Ok(());
@@ -167,12 +167,12 @@ impl<'a> DigestCheck<'a> {
     }
 
     /// Refuses a part of the run with a change that is not accepted.
-    pub fn check(&self, part: &str) -> Result<(), DesignError> {
+    pub fn check(&self, part: &str) -> Result<()> {
         self.refuse(self.changes(part)?)
     }
 
     /// Checks the finished cameras among those of these names. Where the run is finished, all of them are.
-    pub fn check_cameras<'n>(&self, names: impl IntoIterator<Item = &'n str>) -> Result<(), DesignError> {
+    pub fn check_cameras<'n>(&self, names: impl IntoIterator<Item = &'n str>) -> Result<()> {
         let mut changes = Vec::new();
         for name in names {
             let part = format!("cameras/{name}");
@@ -186,7 +186,7 @@ impl<'a> DigestCheck<'a> {
     }
 
     /// Fails with the names of changes, if there are any.
-    pub fn refuse(&self, changes: Vec<ChangedFile>) -> Result<(), DesignError> {
+    pub fn refuse(&self, changes: Vec<ChangedFile>) -> Result<()> {
         let Some(first) = changes.first() else { return Ok(()) };
         let all: Vec<String> = changes.iter().map(ToString::to_string).collect();
         // Of a file that is not there nothing can be accepted.
@@ -230,7 +230,7 @@ impl<'a> DigestCheck<'a> {
 }
 
 /// The SHA-256 of a file, hexadecimal.
-pub fn sha256_of_file(path: &Path) -> Result<String, DesignError> {
+pub fn sha256_of_file(path: &Path) -> Result<String> {
     petzval_files::coco::content_digest(path).map_err(DesignError::io(path))
 }
 

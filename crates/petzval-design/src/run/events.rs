@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::{EventsDigest, hex};
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 
 /// The block of the event of a camera that was scored.
 pub const SCORE: &str = "score";
@@ -45,7 +45,7 @@ pub struct EventLog {
 impl EventLog {
     /// Opens the log for appending behind the events up to `step`; later ones, of a run that went on
     /// after its last checkpoint and was killed, are taken away.
-    pub fn resume(path: &Path, step: u64) -> Result<Self, DesignError> {
+    pub fn resume(path: &Path, step: u64) -> Result<Self> {
         if !path.exists() {
             return Self::open(path, &[]);
         }
@@ -63,7 +63,7 @@ impl EventLog {
 
     /// Opens the log for appending behind its first bytes, if they agree with the digest of a checkpoint; what follows them is taken away.
     /// None if they do not agree, or are not there.
-    pub fn resume_at(path: &Path, until: &EventsDigest) -> Result<Option<Self>, DesignError> {
+    pub fn resume_at(path: &Path, until: &EventsDigest) -> Result<Option<Self>> {
         let mut bytes = if path.exists() {
             petzval_base::read_whole(path).map_err(DesignError::io(path))?
         } else {
@@ -81,7 +81,7 @@ impl EventLog {
     }
 
     /// Opens the log, which holds these bytes.
-    fn open(path: &Path, bytes: &[u8]) -> Result<Self, DesignError> {
+    fn open(path: &Path, bytes: &[u8]) -> Result<Self> {
         let file = fs::OpenOptions::new().create(true).append(true).open(path);
         Ok(Self {
             file: file.map_err(DesignError::io(path))?,
@@ -92,7 +92,7 @@ impl EventLog {
     }
 
     /// Adds an event, without losses that are not finite: JSON has no such numbers, and the line could not be read again.
-    pub fn write(&mut self, event: &Event) -> Result<(), DesignError> {
+    pub fn write(&mut self, event: &Event) -> Result<()> {
         let mut event = event.clone();
         event.losses.retain(|_, loss| loss.is_finite());
         let line = line_of(&event)? + "\n";
@@ -102,20 +102,20 @@ impl EventLog {
     }
 
     /// The digest of all events so far, which are on the disk then.
-    pub fn digest(&self) -> Result<EventsDigest, DesignError> {
+    pub fn digest(&self) -> Result<EventsDigest> {
         self.file.sync_data().map_err(DesignError::io(&self.path))?;
         Ok(EventsDigest { bytes: self.bytes, sha256: hex(self.hash.clone()) })
     }
 }
 
 /// An event as one line of JSON.
-fn line_of(event: &Event) -> Result<String, DesignError> {
+fn line_of(event: &Event) -> Result<String> {
     serde_json::to_string(event)
         .map_err(|e| DesignError::Unwritable { what: "an event", problem: e.to_string() })
 }
 
 /// Reads a log; a last line that a crash cut short is left out. Any other line that is no event is an error: what follows it must not be lost.
-pub fn read_events(path: &Path) -> Result<Vec<Event>, DesignError> {
+pub fn read_events(path: &Path) -> Result<Vec<Event>> {
     let file = petzval_base::open_file(path).map_err(DesignError::io(path))?;
     let mut events = Vec::new();
     let mut damaged = None;

@@ -6,7 +6,7 @@ use std::io::{ErrorKind, Write};
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::run::{RunFolder, write_file};
 
 /// A line.
@@ -20,7 +20,7 @@ struct FirstRead {
 }
 
 /// What the run has read so far, by name. A line that was cut off while it was written does not count.
-pub fn read(run: &RunFolder) -> Result<BTreeMap<String, String>, DesignError> {
+pub fn read(run: &RunFolder) -> Result<BTreeMap<String, String>> {
     let path = run.first_reads();
     let text = match petzval_base::read_text(&path) {
         Ok(text) => text,
@@ -39,7 +39,7 @@ pub fn read(run: &RunFolder) -> Result<BTreeMap<String, String>, DesignError> {
 }
 
 /// Adds pictures to those that the run has read.
-pub fn add(run: &RunFolder, fresh: BTreeMap<String, String>) -> Result<(), DesignError> {
+pub fn add(run: &RunFolder, fresh: BTreeMap<String, String>) -> Result<()> {
     if fresh.is_empty() {
         return Ok(());
     }

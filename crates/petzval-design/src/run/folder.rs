@@ -9,7 +9,7 @@ use petzval_base::{sweep_parts, write_whole};
 use serde::de::DeserializeOwned;
 
 use super::holder::Holder;
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 
 /// Begins the name of a checkpoint that is not whole yet.
 pub(super) const PARTIAL: &str = ".partial-";
@@ -81,7 +81,7 @@ pub struct RunFolder {
 
 impl RunFolder {
     /// Makes a new, empty run folder. Fails as [`check_new`](Self::check_new) does, and with the system's errors.
-    pub fn create(root: &Path) -> Result<Self, DesignError> {
+    pub fn create(root: &Path) -> Result<Self> {
         Self::check_new(root)?;
         for part in PARTS {
             let path = root.join(part);
@@ -96,7 +96,7 @@ impl RunFolder {
     }
 
     /// Sees that a new run can begin in this folder, which need not exist. Fails if it is a file, or holds a run or a part of one.
-    pub fn check_new(root: &Path) -> Result<(), DesignError> {
+    pub fn check_new(root: &Path) -> Result<()> {
         let folder = Self::at(root);
         if root.exists() && !root.is_dir() {
             let problem = "this is a file; --out takes a folder, which is made if need be".to_owned();
@@ -120,7 +120,7 @@ impl RunFolder {
     }
 
     /// Opens a run folder that exists.
-    pub fn open(root: &Path) -> Result<Self, DesignError> {
+    pub fn open(root: &Path) -> Result<Self> {
         let folder = Self::at(root);
         if !folder.config().is_file() {
             let why = match root.metadata() {
@@ -135,12 +135,12 @@ impl RunFolder {
     }
 
     /// Keeps other processes from working in this folder until the returned lock is dropped.
-    pub fn lock(&self) -> Result<RunLock, DesignError> {
+    pub fn lock(&self) -> Result<RunLock> {
         let path = self.root.join(LOCK);
         // The process that holds the lock has written its name into the file: it is not truncated before the lock is held.
         let mut options = fs::OpenOptions::new();
         options.read(true).write(true).create(true).truncate(false);
-        let tried = || -> Result<(fs::File, Result<(), fs::TryLockError>), DesignError> {
+        let tried = || -> Result<(fs::File, Result<(), fs::TryLockError>)> {
             let file = options.open(&path).map_err(DesignError::io(&path))?;
             let locked = match file.try_lock() {
                 // A run that was refused has taken the file away: its lock keeps nobody out.
@@ -343,7 +343,7 @@ impl RunFolder {
 }
 
 /// Reads a JSON file of a run.
-pub(crate) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, DesignError> {
+pub(crate) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
     let text = petzval_base::read_text(path).map_err(DesignError::io(path))?;
     serde_json::from_str(&text).map_err(|error| {
         let problem = format!("the file is damaged, {error}; hint: put it back from a copy of the run");
@@ -352,12 +352,12 @@ pub(crate) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, DesignErr
 }
 
 /// Reads a JSON file of a run; none if there is no such file, as in a folder of an earlier version.
-pub(crate) fn read_json_if_there<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, DesignError> {
+pub(crate) fn read_json_if_there<T: DeserializeOwned>(path: &Path) -> Result<Option<T>> {
     if path.is_file() { read_json(path).map(Some) } else { Ok(None) }
 }
 
 /// Writes a file of a run whole or not at all.
-pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), DesignError> {
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
     write_whole(path, bytes).map_err(DesignError::io(path))
 }
 

@@ -8,7 +8,7 @@ use petzval_learn::dataset::{List, PictureFile};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{Experiment, PicturesKey};
 use crate::path_text::path_text;
 use crate::run::date::date_since_1970;
@@ -48,12 +48,12 @@ pub struct Pictures {
 
 impl InputList {
     /// That of a run; none in a folder of an earlier version.
-    pub fn read(run: &RunFolder) -> Result<Option<Self>, DesignError> {
+    pub fn read(run: &RunFolder) -> Result<Option<Self>> {
         read_json_if_there(&run.input_list())
     }
 
     /// Keeps it in the folder of its run.
-    pub fn write(&self, run: &RunFolder) -> Result<(), DesignError> {
+    pub fn write(&self, run: &RunFolder) -> Result<()> {
         write_file(&run.input_list(), DesignError::json("the inputs of the run", self)?.as_bytes())
     }
 
@@ -141,7 +141,7 @@ pub fn pictures_of_run(
     experiment: &mut Experiment,
     key: PicturesKey,
     now: Option<&Path>,
-) -> Result<(), DesignError> {
+) -> Result<()> {
     let place = experiment.pictures_mut(key);
     if let Some(now) = now {
         *place = path_text(now)?;
@@ -158,11 +158,7 @@ pub fn pictures_of_run(
 }
 
 /// Fails if the pictures of a run are not there, with what to do.
-pub fn check_pictures_are_there(
-    run: &RunFolder,
-    experiment: &Experiment,
-    key: PicturesKey,
-) -> Result<(), DesignError> {
+pub fn check_pictures_are_there(run: &RunFolder, experiment: &Experiment, key: PicturesKey) -> Result<()> {
     let place = experiment.pictures(key);
     if place == key.built_in() || Path::new(place).exists() {
         return Ok(());

@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{RunFolder, note_digests, read_json_if_there, write_file};
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 
 /// Random cameras of every design of a run, whose lenses are off by their tolerances.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -66,12 +66,12 @@ pub struct MadeFigures {
 
 impl MadeMetrics {
     /// Those of a run; none if it was not evaluated with tolerances.
-    pub fn read(run: &RunFolder) -> Result<Option<Self>, DesignError> {
+    pub fn read(run: &RunFolder) -> Result<Option<Self>> {
         read_json_if_there(&run.tolerance())
     }
 
     /// Writes them into the folder of their run.
-    pub fn write(&self, run: &RunFolder) -> Result<(), DesignError> {
+    pub fn write(&self, run: &RunFolder) -> Result<()> {
         write_file(&run.tolerance(), DesignError::json("the figures of made cameras", self)?.as_bytes())?;
         note_digests(run, &[run.tolerance()])
     }

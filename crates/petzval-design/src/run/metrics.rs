@@ -9,7 +9,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::PsfErrors;
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 
 /// Scores of every camera on held-out pictures.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -166,7 +166,7 @@ pub struct CameraMetrics {
 
 impl CameraMetrics {
     /// Fails on the first figure that is no finite number. JSON has no such numbers, and no mean has a meaning with them.
-    pub(crate) fn check_finite(&self) -> Result<(), DesignError> {
+    pub(crate) fn check_finite(&self) -> Result<()> {
         let named = |name: &str, value: f64| (name.to_owned(), value);
         let lens = [("RMS spot", self.rms_spot_um), ("PSF", self.psf_captured), ("white", self.white_e)];
         let restored = self.restored_error_percent.map(|error| ("linear limit", error));

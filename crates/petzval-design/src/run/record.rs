@@ -6,7 +6,7 @@ use std::time::{Duration, SystemTime};
 use serde::{Deserialize, Serialize};
 
 use super::{RunFolder, date, forget_digests, read_json, write_file};
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::Experiment;
 
 /// Version of Petzval.
@@ -46,18 +46,18 @@ impl RunRecord {
     }
 
     /// The record of a run; none in a folder of a version that kept none.
-    pub fn read(run: &RunFolder) -> Result<Option<Self>, DesignError> {
+    pub fn read(run: &RunFolder) -> Result<Option<Self>> {
         let path = run.record();
         if path.exists() { read_json(&path).map(Some) } else { Ok(None) }
     }
 
     /// Writes the record into the folder of its run.
-    pub fn write(&self, run: &RunFolder) -> Result<(), DesignError> {
+    pub fn write(&self, run: &RunFolder) -> Result<()> {
         write_file(&run.record(), DesignError::json("the record of the run", self)?.as_bytes())
     }
 
     /// Notes the end of a run, once.
-    pub fn finish(run: &RunFolder, seconds: f64) -> Result<(), DesignError> {
+    pub fn finish(run: &RunFolder, seconds: f64) -> Result<()> {
         if Self::read(run)?.is_none_or(|record| record.finished.is_some()) {
             return Ok(());
         }
@@ -100,14 +100,14 @@ fn now() -> String {
 }
 
 /// The record of a run as it is written.
-pub(crate) fn json_record(run: &RunFolder) -> Result<serde_json::Value, DesignError> {
+pub(crate) fn json_record(run: &RunFolder) -> Result<serde_json::Value> {
     read_json(&run.record())
 }
 
 /// Makes a run longer: `longer` becomes what it was begun with, and what was made of the finished cameras together is removed.
 ///
 /// The record is written last. Where this is cut short, `config.toml` differs from the record; the same extension then completes it.
-pub fn extend_run(run: &RunFolder, record: RunRecord, longer: Experiment) -> Result<(), DesignError> {
+pub fn extend_run(run: &RunFolder, record: RunRecord, longer: Experiment) -> Result<()> {
     for stale in [run.metrics(), run.metrics_csv(), run.pictures_csv(), run.tolerance(), run.report()] {
         if stale.exists() {
             std::fs::remove_file(&stale).map_err(DesignError::io(&stale))?;
@@ -119,7 +119,7 @@ pub fn extend_run(run: &RunFolder, record: RunRecord, longer: Experiment) -> Res
 }
 
 /// The `config.toml` of a run.
-pub(crate) fn config_text(run: &RunFolder) -> Result<String, DesignError> {
+pub(crate) fn config_text(run: &RunFolder) -> Result<String> {
     let path = run.config();
     petzval_base::read_text(&path).map_err(DesignError::io(&path))
 }

@@ -10,7 +10,7 @@ use petzval_learn::score::ScoreDescription;
 
 use super::HeldOut;
 use crate::camera::Camera;
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::run::PictureScore;
 
 /// Scores cameras.
@@ -25,7 +25,7 @@ pub trait Judge: Send + Sync {
 /// What is found of one camera.
 pub trait Findings {
     /// Takes up a picture.
-    fn add(&mut self, taken: Taken) -> Result<ScoredPicture, DesignError>;
+    fn add(&mut self, taken: Taken) -> Result<ScoredPicture>;
 
     /// The scores over all pictures, without those for which there is nothing to find.
     fn scores(&self) -> BTreeMap<String, f64>;
@@ -42,7 +42,7 @@ pub trait Findings {
     }
 
     /// Keeps in the folder of a finished camera what its report needs besides.
-    fn save(&self, _folder: &Path) -> Result<(), DesignError> {
+    fn save(&self, _folder: &Path) -> Result<()> {
         Ok(())
     }
 }
@@ -83,11 +83,7 @@ pub struct ScoredPicture {
 }
 
 /// Those of the known scores that are named, in that order.
-pub fn named_scores<S>(
-    names: &[String],
-    known: Vec<S>,
-    name_of: impl Fn(&S) -> &str,
-) -> Result<Vec<S>, DesignError> {
+pub fn named_scores<S>(names: &[String], known: Vec<S>, name_of: impl Fn(&S) -> &str) -> Result<Vec<S>> {
     let all = known.iter().map(&name_of).collect::<Vec<_>>().join(", ");
     let mut known: Vec<Option<S>> = known.into_iter().map(Some).collect();
     let mut scores = Vec::new();

@@ -31,7 +31,7 @@ use crate::assets::Assets;
 use crate::block::NetworkBlock;
 use crate::camera::Camera;
 use crate::cameras::Cameras;
-use crate::error::DesignError;
+use crate::error::Result;
 use crate::experiment::{Experiment, TaskFacts};
 use crate::run::{Metrics, RunFolder};
 
@@ -64,22 +64,22 @@ pub trait Task: Send + Sync {
         experiment: &Experiment,
         assets: &Assets,
         device: &Device,
-    ) -> Result<Box<dyn PreparedTask>, DesignError>;
+    ) -> Result<Box<dyn PreparedTask>>;
 }
 
 /// A task at work on an experiment.
 pub trait PreparedTask: Send + Sync {
     /// Reads or plans its windows.
-    fn windows(&self, plan: &WindowPlan) -> Result<Box<dyn Windows>, DesignError>;
+    fn windows(&self, plan: &WindowPlan) -> Result<Box<dyn Windows>>;
 
     /// The network of a camera at the start, the same bits for every variant of a run.
-    fn network(&self, cameras: &Cameras) -> Result<NetworkBlock, DesignError>;
+    fn network(&self, cameras: &Cameras) -> Result<NetworkBlock>;
 
     /// What its cameras are optimised for.
-    fn objective(&self, cameras: &Cameras) -> Result<Box<dyn Objective>, DesignError>;
+    fn objective(&self, cameras: &Cameras) -> Result<Box<dyn Objective>>;
 
     /// What scores its cameras by the scores that the experiment names.
-    fn judge(&self, cameras: &Cameras) -> Result<Box<dyn Judge>, DesignError>;
+    fn judge(&self, cameras: &Cameras) -> Result<Box<dyn Judge>>;
 
     /// Weights that the experiment names for its network; none for those drawn from the seed.
     fn given_weights(&self) -> Option<&[u8]> {
@@ -87,12 +87,12 @@ pub trait PreparedTask: Send + Sync {
     }
 
     /// Keeps the given weights in a new run folder, and names them so in its experiment.
-    fn keep_weights(&self, _run: &RunFolder, _kept: &mut Experiment) -> Result<(), DesignError> {
+    fn keep_weights(&self, _run: &RunFolder, _kept: &mut Experiment) -> Result<()> {
         Ok(())
     }
 
     /// A picture with what the network of the camera reads in it, for people to look at, and the files of [`Self::read_files`].
-    fn drawn(&self, _camera: &Camera, picture: LinearImage) -> Result<Drawn, DesignError> {
+    fn drawn(&self, _camera: &Camera, picture: LinearImage) -> Result<Drawn> {
         Ok(Drawn::alone(picture))
     }
 
@@ -102,12 +102,7 @@ pub trait PreparedTask: Send + Sync {
     }
 
     /// What the report of a run shows besides.
-    fn report(
-        &self,
-        _cameras: &Cameras,
-        _run: &RunFolder,
-        _metrics: &Metrics,
-    ) -> Result<TaskReport, DesignError> {
+    fn report(&self, _cameras: &Cameras, _run: &RunFolder, _metrics: &Metrics) -> Result<TaskReport> {
         Ok(TaskReport::default())
     }
 }

@@ -11,7 +11,7 @@ use super::objects::Objects;
 use super::pictures::Pictures;
 use super::python::PythonTask;
 use super::segments::Segments;
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::Experiment;
 
 /// The tasks that experiments may name. Cheap to clone.
@@ -73,7 +73,7 @@ impl Tasks {
     }
 
     /// The task of an experiment.
-    pub fn of(&self, experiment: &Experiment) -> Result<Arc<dyn Task>, DesignError> {
+    pub fn of(&self, experiment: &Experiment) -> Result<Arc<dyn Task>> {
         self.named(&experiment.task).ok_or_else(|| DesignError::Unknown {
             kind: "task",
             name: experiment.task.clone(),

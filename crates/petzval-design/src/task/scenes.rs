@@ -22,7 +22,7 @@ use sha2::{Digest, Sha256};
 
 use crate::camera::{Camera, Labels, Shot, crop_window};
 use crate::cameras::Cameras;
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{Experiment, STREET, StreetConfig};
 use crate::lens::psf_plan::PsfPlan;
 use crate::run::hex;
@@ -114,7 +114,7 @@ struct Kept {
 impl Scenes {
     /// The scenes of an experiment. Fails on a folder that cannot be read, or in which nothing is left for its purpose. Places of windows in
     /// streets are chosen in the view of the experiment's lens.
-    pub fn new(plan: &WindowPlan, labels: SceneLabels) -> Result<Self, DesignError> {
+    pub fn new(plan: &WindowPlan, labels: SceneLabels) -> Result<Self> {
         let WindowPlan { experiment, training_crops, scoring_crops, fixed_plan, pixel_um, nominal, .. } =
             *plan;
         let config = experiment.street.clone();
@@ -183,7 +183,7 @@ impl Scenes {
 
     /// The pictures of a folder: their files, what identifies them with their boxes, and the boxes alone. None of streets, which follow from
     /// the experiment and the version of the program.
-    fn pictures(&self, content: Content) -> Result<Option<(Vec<PictureFile>, String, String)>, DesignError> {
+    fn pictures(&self, content: Content) -> Result<Option<(Vec<PictureFile>, String, String)>> {
         let Source::Pictures(pictures, _) = &self.source else { return Ok(None) };
         let are_read = content == Content::All || pictures.first_reads().is_none();
         let files = pictures.files(are_read, &self.cancel)?;
@@ -230,17 +230,12 @@ impl Scenes {
         }
     }
 
-    fn training_shots(
-        &self,
-        experiment: &Experiment,
-        view: SceneView,
-        step: u64,
-    ) -> Result<Vec<Shot>, DesignError> {
+    fn training_shots(&self, experiment: &Experiment, view: SceneView, step: u64) -> Result<Vec<Shot>> {
         items_of(experiment, step).map(|item| self.training_shot(view, item)).collect()
     }
 
     /// Item `item` of the training windows of a run: one of a fixed number of windows, every other time mirrored.
-    fn training_shot(&self, view: SceneView, item: u64) -> Result<Shot, DesignError> {
+    fn training_shot(&self, view: SceneView, item: u64) -> Result<Shot> {
         let (number, mut random) = self.training_window(item);
         let window = self.window(view, List::Training, number)?;
         let [own, crops] = [self.crops(List::Training), self.training_crops].map(|c| self.behind(view, c));
@@ -272,7 +267,7 @@ impl Scenes {
 
     /// Makes the windows of training items that are soon needed. An error comes back when they are.
     fn prepare(&self, view: SceneView, mut items: Range<u64>) {
-        let make = |item| -> Result<(), DesignError> {
+        let make = |item| -> Result<()> {
             self.cancel.check()?;
             self.window(view, List::Training, self.training_window(item).0).map(|_| ())
         };
@@ -283,7 +278,7 @@ impl Scenes {
     }
 
     /// Window `number` of a list.
-    fn shot(&self, view: SceneView, list: List, number: u64) -> Result<Shot, DesignError> {
+    fn shot(&self, view: SceneView, list: List, number: u64) -> Result<Shot> {
         let window = self.window(view, list, number)?;
         let frame = if list == List::Validation { FIRST_VALIDATION + number } else { number };
         Ok(self.shot_of(&window, &self.crops(list), frame))
@@ -323,7 +318,7 @@ impl Scenes {
         }
     }
 
-    fn window(&self, view: SceneView, list: List, number: u64) -> Result<Arc<LabelledWindow>, DesignError> {
+    fn window(&self, view: SceneView, list: List, number: u64) -> Result<Arc<LabelledWindow>> {
         let crops = self.crops(list);
         let window = match &self.source {
             Source::Pictures(pictures, how) => {
@@ -382,7 +377,7 @@ impl Scenes {
     }
 
     /// How a lens whose image has such a brightness sees by its chief rays. Windows of another lens are forgotten.
-    fn view(&self, lens: &Lens, light: f64, kept: &mut Kept) -> Result<Arc<StreetView>, DesignError> {
+    fn view(&self, lens: &Lens, light: f64, kept: &mut Kept) -> Result<Arc<StreetView>> {
         if let Some(view) = kept.view.as_ref().filter(|_| kept.lens.as_ref() == Some(lens)) {
             return Ok(view.clone());
         }
@@ -396,18 +391,12 @@ impl Scenes {
 
 impl Windows for Scenes {
     /// The same for every variant, but that streets are seen through the chief rays of the camera's lens.
-    fn training(&self, cameras: &Cameras, camera: &Camera, step: u64) -> Result<Vec<Shot>, DesignError> {
+    fn training(&self, cameras: &Cameras, camera: &Camera, step: u64) -> Result<Vec<Shot>> {
         self.training_shots(&cameras.experiment, SceneView::of(camera), step)
     }
 
     /// Only streets change by it.
-    fn magnified(
-        &self,
-        cameras: &Cameras,
-        camera: &Camera,
-        step: u64,
-        by: f64,
-    ) -> Result<Option<Vec<Shot>>, DesignError> {
+    fn magnified(&self, cameras: &Cameras, camera: &Camera, step: u64, by: f64) -> Result<Option<Vec<Shot>>> {
         self.training_shots(&cameras.experiment, SceneView::of(camera).magnified(by), step).map(Some)
     }
 
@@ -416,7 +405,7 @@ impl Windows for Scenes {
         matches!(self.source, Source::Streets(_))
     }
 
-    fn validation(&self, cameras: &Cameras, camera: &Camera) -> Result<Vec<Vec<Shot>>, DesignError> {
+    fn validation(&self, cameras: &Cameras, camera: &Camera) -> Result<Vec<Vec<Shot>>> {
         let shot = |i: usize| self.shot(SceneView::of(camera), List::Validation, i as u64);
         in_batches(&cameras.experiment, self.validation_windows, shot)
     }
@@ -427,7 +416,7 @@ impl Windows for Scenes {
         cameras: &Cameras,
         camera: &Camera,
         is_chosen: &dyn Fn(usize) -> bool,
-    ) -> Result<Vec<HeldOut>, DesignError> {
+    ) -> Result<Vec<HeldOut>> {
         let window = |i: usize| {
             // A street takes a second.
             self.cancel.check()?;
@@ -455,12 +444,7 @@ impl Windows for Scenes {
     }
 
     /// Nothing of streets.
-    fn inputs(
-        &self,
-        experiment: &Experiment,
-        content: Content,
-        hash: &mut Sha256,
-    ) -> Result<WindowInputs, DesignError> {
+    fn inputs(&self, experiment: &Experiment, content: Content, hash: &mut Sha256) -> Result<WindowInputs> {
         let Some((files, known, labels)) = self.pictures(content)? else {
             return Ok(WindowInputs::default());
         };
@@ -496,12 +480,7 @@ fn image_height_mm(lens: &Lens) -> f64 {
 }
 
 /// The view of a lens: the field angles whose chief rays land at the radii of a plan.
-fn view_of(
-    lens: &Lens,
-    fields: &PsfPlan,
-    crops: &CropPlan,
-    pixel_mm: f64,
-) -> Result<StreetView, DesignError> {
+fn view_of(lens: &Lens, fields: &PsfPlan, crops: &CropPlan, pixel_mm: f64) -> Result<StreetView> {
     let radius_px: Vec<f64> = fields.field_radius_mm.iter().map(|r| r / pixel_mm).collect();
     let sensor = [crops.sensor_rows, crops.sensor_columns];
     Ok(StreetView::new(&radius_px, &fields.field_angles(lens)?, sensor)?)

@@ -12,7 +12,7 @@ use sha2::Sha256;
 use crate::assets::Assets;
 use crate::camera::{Camera, Shot};
 use crate::cameras::Cameras;
-use crate::error::DesignError;
+use crate::error::Result;
 use crate::experiment::Experiment;
 use crate::lens::psf_plan::PsfPlan;
 use crate::run::input_list::Pictures;
@@ -20,7 +20,7 @@ use crate::run::input_list::Pictures;
 /// The windows of a task. They depend on the experiment and their numbers alone, and in streets on the lens that looks.
 pub trait Windows: Send + Sync {
     /// The training windows of a step.
-    fn training(&self, cameras: &Cameras, camera: &Camera, step: u64) -> Result<Vec<Shot>, DesignError>;
+    fn training(&self, cameras: &Cameras, camera: &Camera, step: u64) -> Result<Vec<Shot>>;
 
     /// The training windows of a step as a lens would show them whose image is so many times as large; none if that changes nothing.
     fn magnified(
@@ -29,7 +29,7 @@ pub trait Windows: Send + Sync {
         _camera: &Camera,
         _step: u64,
         _by: f64,
-    ) -> Result<Option<Vec<Shot>>, DesignError> {
+    ) -> Result<Option<Vec<Shot>>> {
         Ok(None)
     }
 
@@ -39,7 +39,7 @@ pub trait Windows: Send + Sync {
     }
 
     /// The windows of every validation, in batches.
-    fn validation(&self, cameras: &Cameras, camera: &Camera) -> Result<Vec<Vec<Shot>>, DesignError>;
+    fn validation(&self, cameras: &Cameras, camera: &Camera) -> Result<Vec<Vec<Shot>>>;
 
     /// Those of the held-out windows that are chosen by their number.
     fn held_out(
@@ -47,7 +47,7 @@ pub trait Windows: Send + Sync {
         cameras: &Cameras,
         camera: &Camera,
         is_chosen: &dyn Fn(usize) -> bool,
-    ) -> Result<Vec<HeldOut>, DesignError>;
+    ) -> Result<Vec<HeldOut>>;
 
     /// Held-out pictures, and places of the sensor at which each of them is scored.
     fn held_out_pictures(&self, experiment: &Experiment) -> [usize; 2];
@@ -61,7 +61,7 @@ pub trait Windows: Send + Sync {
     }
 
     /// Refuses a sensor that cannot see what the pictures show.
-    fn check_sensor(&self, _experiment: &Experiment, _sensor: &SensorModel) -> Result<(), DesignError> {
+    fn check_sensor(&self, _experiment: &Experiment, _sensor: &SensorModel) -> Result<()> {
         Ok(())
     }
 
@@ -76,7 +76,7 @@ pub trait Windows: Send + Sync {
         _experiment: &Experiment,
         _content: Content,
         _hash: &mut Sha256,
-    ) -> Result<WindowInputs, DesignError> {
+    ) -> Result<WindowInputs> {
         Ok(WindowInputs::default())
     }
 
@@ -164,8 +164,8 @@ pub struct HeldOut {
 pub fn in_batches(
     experiment: &Experiment,
     windows: usize,
-    shot: impl Fn(usize) -> Result<Shot, DesignError>,
-) -> Result<Vec<Vec<Shot>>, DesignError> {
+    shot: impl Fn(usize) -> Result<Shot>,
+) -> Result<Vec<Vec<Shot>>> {
     let batch = experiment.training.batch;
     let starts = (0..windows).step_by(batch);
     starts.map(|first| (first..windows.min(first + batch)).map(&shot).collect()).collect()

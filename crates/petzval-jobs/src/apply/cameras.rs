@@ -13,7 +13,7 @@ use petzval_design::task::Drawn;
 use petzval_files::raw_file::{RawFrame, load_raw, sidecar_path};
 
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::evaluate::camera_of;
 use crate::event::WarningKind;
 use crate::given_psfs;
@@ -75,7 +75,7 @@ impl Cameras {
         device: &str,
         accept_changed: &[String],
         context: &Context,
-    ) -> Result<Self, JobError> {
+    ) -> Result<Self> {
         Chosen::new(run, names, device, accept_changed, context)?.cameras()
     }
 
@@ -90,31 +90,26 @@ impl Cameras {
     }
 
     /// A photograph as it lies on the sensor, in linear light.
-    pub fn laid(&self, photo: &LinearImage, place: Place) -> Result<LinearImage, JobError> {
+    pub fn laid(&self, photo: &LinearImage, place: Place) -> Result<LinearImage> {
         check_picture(photo, "the photograph")?;
         let sensor = self.sensor();
         Ok(place.lay(photo, (sensor.height, sensor.width)))
     }
 
     /// A photograph, three planes of linear light where 1 is white, through lens, sensor, development and network of a camera.
-    pub fn take(&self, camera: &str, photo: &LinearImage, taking: Taking) -> Result<Finished, JobError> {
+    pub fn take(&self, camera: &str, photo: &LinearImage, taking: Taking) -> Result<Finished> {
         let camera = self.camera(camera)?;
         self.take_laid(camera, &self.laid(photo, taking.place)?, taking)
     }
 
     /// A photograph that lies on the sensor already.
-    pub(super) fn take_laid(
-        &self,
-        camera: &Camera,
-        photo: &LinearImage,
-        taking: Taking,
-    ) -> Result<Finished, JobError> {
+    pub(super) fn take_laid(&self, camera: &Camera, photo: &LinearImage, taking: Taking) -> Result<Finished> {
         self.read(camera, taken(camera, photo, taking.seed, taking.frame)?)
     }
 
     /// A raw frame of the sensor, or a smaller one from its middle, through development and network of a camera. What the frame states of
     /// filters, bits and black level must be that of the sensor.
-    pub fn develop(&self, camera: &str, frame: &RawFrame) -> Result<Finished, JobError> {
+    pub fn develop(&self, camera: &str, frame: &RawFrame) -> Result<Finished> {
         let camera = self.camera(camera)?;
         camera.check_sees_frames()?;
         check_raw(frame, self.sensor(), "the raw frame")?;
@@ -122,7 +117,7 @@ impl Cameras {
     }
 
     /// A raw frame that fits the sensor.
-    pub(super) fn develop_checked(&self, camera: &Camera, frame: &RawFrame) -> Result<Finished, JobError> {
+    pub(super) fn develop_checked(&self, camera: &Camera, frame: &RawFrame) -> Result<Finished> {
         self.read(camera, developed(camera, frame)?)
     }
 
@@ -132,11 +127,11 @@ impl Cameras {
     }
 
     /// Refuses cameras whose network sees the truth, which a raw frame does not contain.
-    pub(super) fn check_see_frames(&self) -> Result<(), JobError> {
+    pub(super) fn check_see_frames(&self) -> Result<()> {
         Ok(self.cameras.iter().try_for_each(Camera::check_sees_frames)?)
     }
 
-    fn camera(&self, name: &str) -> Result<&Camera, JobError> {
+    fn camera(&self, name: &str) -> Result<&Camera> {
         let at = self.names.iter().position(|own| own == name);
         let camera = at.and_then(|at| self.cameras.get(at));
         camera.ok_or_else(|| {
@@ -146,7 +141,7 @@ impl Cameras {
     }
 
     /// A finished picture with what the network of its camera reads in it.
-    fn read(&self, camera: &Camera, picture: LinearImage) -> Result<Finished, JobError> {
+    fn read(&self, camera: &Camera, picture: LinearImage) -> Result<Finished> {
         let Drawn { shown, files } = self.setup.task.drawn(camera, picture.clone())?;
         let read = self.setup.task.read_files().iter().copied().zip(files).collect();
         Ok(Finished { picture, shown, read })
@@ -161,7 +156,7 @@ impl Chosen {
         device: &str,
         accept_changed: &[String],
         context: &Context,
-    ) -> Result<Self, JobError> {
+    ) -> Result<Self> {
         let folder = RunFolder::open(run)?;
         warn_of_changed_config(&folder, context)?;
         let experiment = context.assets.experiment_of_run(&folder)?;
@@ -176,12 +171,12 @@ impl Chosen {
     }
 
     /// The same cameras with the PSFs of a file in place of those of their lenses.
-    pub(super) fn with_psfs(self, path: &Path) -> Result<Self, JobError> {
+    pub(super) fn with_psfs(self, path: &Path) -> Result<Self> {
         Ok(Self { setup: self.setup.having_psfs(given_psfs::bank(path)?)?, ..self })
     }
 
     /// Makes the cameras from the files of the run.
-    pub(super) fn cameras(self) -> Result<Cameras, JobError> {
+    pub(super) fn cameras(self) -> Result<Cameras> {
         let Self { names, setup, folder } = self;
         let made = |name: &String| {
             setup.cancel.check()?;
@@ -193,7 +188,7 @@ impl Chosen {
 }
 
 /// The cameras of these names, which must be finished; all finished ones if none is named.
-fn chosen(run: &Path, names: &[String], folder: &RunFolder, all: &[String]) -> Result<Vec<String>, JobError> {
+fn chosen(run: &Path, names: &[String], folder: &RunFolder, all: &[String]) -> Result<Vec<String>> {
     let finished = folder.finished(all.iter().map(String::as_str));
     if finished.is_empty() {
         return Err(none_finished(run));
@@ -225,14 +220,14 @@ pub(crate) fn is_raw(path: &Path) -> bool {
 }
 
 /// Reads a raw frame that fits a sensor.
-pub(crate) fn raw_frame(path: &Path, sensor: &SensorModel) -> Result<RawFrame, JobError> {
+pub(crate) fn raw_frame(path: &Path, sensor: &SensorModel) -> Result<RawFrame> {
     let frame = load_raw(path)?;
     check_raw(&frame, sensor, &path.display().to_string())?;
     Ok(frame)
 }
 
 /// Refuses a raw frame that a sensor did not take. `name` is what errors call it.
-fn check_raw(frame: &RawFrame, sensor: &SensorModel, name: &str) -> Result<(), JobError> {
+fn check_raw(frame: &RawFrame, sensor: &SensorModel, name: &str) -> Result<()> {
     let wrong = |what: String| {
         let hint = "a camera develops frames of its own sensor; `raw show` says what a file holds";
         Err(JobError::input(format!("{name}: {what}"), hint))
@@ -267,12 +262,7 @@ fn centred(height: usize, width: usize, frame: &RawFrame) -> Placement {
 }
 
 /// A photograph of the size of the sensor through lens, sensor, development and network.
-pub(crate) fn taken(
-    camera: &Camera,
-    photo: &LinearImage,
-    seed: u64,
-    frame: u64,
-) -> Result<LinearImage, JobError> {
+pub(crate) fn taken(camera: &Camera, photo: &LinearImage, seed: u64, frame: u64) -> Result<LinearImage> {
     let mut scene = photo.pad_replicate(camera.border());
     // A photograph is exposed for as long behind every lens; where cameras of streets have the same time, a brighter lens shows.
     if camera.body().same_time.is_some_and(|same| !same.is_normalised) {
@@ -290,7 +280,7 @@ pub(crate) fn taken(
 }
 
 /// A raw frame through development and network.
-pub(crate) fn developed(camera: &Camera, frame: &RawFrame) -> Result<LinearImage, JobError> {
+pub(crate) fn developed(camera: &Camera, frame: &RawFrame) -> Result<LinearImage> {
     let body = camera.body();
     let placement = centred(body.sensor.height, body.sensor.width, frame);
     let capture = Capture { exposure: body.exposure, placement, frame: 0 };

@@ -17,51 +17,36 @@ use serde::{Deserialize, Serialize};
 use self::cameras::Chosen;
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::{JobError, make_folder, write_file};
+use crate::error::{JobError, Result, make_folder, write_file};
 use crate::results::{check_distinct, check_folder};
 
 pub use self::cameras::{Cameras, Finished, Taking};
 pub(crate) use self::cameras::{developed, is_raw, none_finished, raw_frame, taken};
 pub use crate::simulate::Place;
 
-/// Pictures, and the cameras that take them.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Folder of the run.
-    pub run: PathBuf,
-    /// Photographs, which the cameras take; and raw frames, which they develop: DNG files, and files with a sidecar.
-    pub images: Vec<PathBuf>,
-    /// Names of cameras of the run; all that are finished if empty.
-    pub cameras: Vec<String>,
-    /// PSFs in place of those of each camera's lens: the folder of results of `psf` or `psf-calibrate`, or its `psf.json`. They form the images of
-    /// photographs. Development and restoration know them, also those of raw frames; the network stays as it was trained.
-    pub psfs: Option<PathBuf>,
-    /// How a photograph lands on the sensor.
-    pub place: Place,
-    /// Seed of the noise.
-    pub seed: u64,
-    /// Folder for the pictures.
-    pub out: PathBuf,
-    /// Where tensors live.
-    pub device: String,
-    /// Files or folders of the run, by their path below it, that may differ from their digests.
-    pub accept_changed: Vec<String>,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Self {
-            run: PathBuf::new(),
-            images: Vec::new(),
-            cameras: Vec::new(),
-            psfs: None,
-            place: Place::default(),
-            seed: crate::usual::seed(),
-            out: PathBuf::from("applied"),
-            device: crate::usual::device(),
-            accept_changed: Vec::new(),
-        }
+petzval_base::parameters! {
+    /// Pictures, and the cameras that take them.
+    pub struct Request {}
+    also {
+        /// Folder of the run.
+        run: PathBuf = PathBuf::new();
+        /// Photographs, which the cameras take; and raw frames, which they develop: DNG files, and files with a sidecar.
+        images: Vec<PathBuf> = Vec::new();
+        /// Names of cameras of the run; all that are finished if empty.
+        cameras: Vec<String> = Vec::new();
+        /// PSFs in place of those of each camera's lens: the folder of results of `psf` or `psf-calibrate`, or its `psf.json`. They form the images of
+        /// photographs. Development and restoration know them, also those of raw frames; the network stays as it was trained.
+        psfs: Option<PathBuf> = None;
+        /// How a photograph lands on the sensor.
+        place: Place = Place::default();
+        /// Seed of the noise.
+        seed: u64 = crate::usual::seed();
+        /// Folder for the pictures.
+        out: PathBuf = PathBuf::from("applied");
+        /// Where tensors live.
+        device: String = crate::usual::device();
+        /// Files or folders of the run, by their path below it, that may differ from their digests.
+        accept_changed: Vec<String> = Vec::new();
     }
 }
 
@@ -103,16 +88,13 @@ enum Subject {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    seed: Some(|request, seed| request.seed = seed),
-    place: Some(|request, folder| request.out = folder.to_owned()),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit::seeded(|request, seed| request.seed = seed, |request, folder| request.out = folder.to_owned());
 
 /// Takes the photographs and develops the raw frames. The folder `out` gets `NAME-CAMERA.png` for each, and `NAME-scene.png` of each
 /// photograph as it lies on the sensor, and `NAME-side-by-side.html` with all of them. A task may add files, such as
 /// `NAME-CAMERA-classes.png`. [`Cameras`] gives the same pictures as values.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let stems = stems(&request.images)?;
     check_there(&request.images)?;
     let chosen =
@@ -207,7 +189,7 @@ fn page_name(stem: &str) -> String {
 }
 
 /// The names of the pictures without folder and ending; no two are the same.
-fn stems(images: &[PathBuf]) -> Result<Vec<String>, JobError> {
+fn stems(images: &[PathBuf]) -> Result<Vec<String>> {
     let mut stems: Vec<String> = Vec::new();
     for path in images {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -233,7 +215,7 @@ fn check_there(images: &[PathBuf]) -> Result<(), JobError> {
 }
 
 /// Reads a photograph, laid on the sensor, or a raw frame that fits the sensor.
-fn subject(path: &Path, place: Place, cameras: &Cameras, context: &Context) -> Result<Subject, JobError> {
+fn subject(path: &Path, place: Place, cameras: &Cameras, context: &Context) -> Result<Subject> {
     if is_raw(path) {
         return Ok(Subject::Raw(Box::new(raw_frame(path, cameras.sensor())?)));
     }
@@ -245,6 +227,6 @@ fn subject(path: &Path, place: Place, cameras: &Cameras, context: &Context) -> R
     Ok(Subject::Photo(place.lay(&light, frame)))
 }
 
-fn write_png(path: &Path, encoded: &LinearImage) -> Result<(), JobError> {
+fn write_png(path: &Path, encoded: &LinearImage) -> Result<()> {
     write_file(path, encoded_png_bytes(encoded).map_err(DesignError::from)?)
 }

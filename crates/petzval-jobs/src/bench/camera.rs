@@ -19,7 +19,7 @@ use petzval_optics::pupil::Quadrature;
 
 use super::workload::{Prepared, Workload};
 use crate::built_in::built_in_assets;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::named_isp::isp_by_name;
 
 const FRAME: (usize, usize) = (1200, 1920);
@@ -47,7 +47,7 @@ fn texture(height: usize, width: usize) -> LinearImage {
     image
 }
 
-fn rendering() -> Result<Prepared, JobError> {
+fn rendering() -> Result<Prepared> {
     let lens = built_in_assets().lens("cooke-triplet-nominal")?.lens;
     let quadrature = Quadrature::grid(64).map_err(DesignError::from)?;
     let plan = PsfPlan::new(31, 6.634, [0.62, 0.55, 0.486], PsfOptions::default(), quadrature);
@@ -62,14 +62,11 @@ fn rendering() -> Result<Prepared, JobError> {
         "1200 x 1920 RGB, {} x {} blended PSFs from 31 fields, error {:.3} (L1, median), kernels included",
         geometry.patches.0, geometry.patches.1, blend.median
     );
-    Ok(Prepared::new(work, move || {
-        std::hint::black_box(render(&geometry, &bank, &scene, ORIGIN).map_err(DesignError::from)?);
-        Ok(())
-    }))
+    Ok(Prepared::new(work, move || Ok(render(&geometry, &bank, &scene, ORIGIN).map_err(DesignError::from)?)))
 }
 
 /// A raw frame of texture with noise, developed by the automotive ISP, shading and distortion included.
-fn chip(preset: &str) -> Result<Prepared, JobError> {
+fn chip(preset: &str) -> Result<Prepared> {
     let sensor = built_in_assets().sensor("imx249-fitted")?;
     let exposure = Exposure { white_e: 16_000.0, time_s: 0.005, linear_gain: 1.0 };
     let capture = Capture { exposure, placement: ORIGIN, frame: 0 };
@@ -95,26 +92,23 @@ fn chip(preset: &str) -> Result<Prepared, JobError> {
         stages.join(", ")
     );
     Ok(Prepared::new(work, move || {
-        let picture = isp.isp().develop(&frame, &values).map_err(|e| JobError::failed(e.to_string()))?;
-        std::hint::black_box(picture);
-        Ok(())
+        isp.isp().develop(&frame, &values).map_err(|e| JobError::failed(e.to_string()))
     })
     .counted((FRAME.0 * FRAME.1) as f64, "pixels"))
 }
 
 /// A mosaic of texture, demosaiced.
-fn demosaicing(method: Demosaic) -> Result<Prepared, JobError> {
+fn demosaicing(method: Demosaic) -> Result<Prepared> {
     let mosaic = texture(FRAME.0, FRAME.1).plane(1).to_vec();
     Ok(Prepared::new(format!("1200 x 1920 Bayer mosaic, {}", method.name()), move || {
         let picture = method.apply(&mosaic, FRAME.0, FRAME.1, CfaPattern::RGGB, ORIGIN);
-        std::hint::black_box(picture.map_err(DesignError::from)?);
-        Ok(())
+        Ok(picture.map_err(DesignError::from)?)
     })
     .counted((FRAME.0 * FRAME.1) as f64, "pixels"))
 }
 
 /// A frame of an uneven specimen with every noise on, on one thread.
-fn sensor() -> Result<Prepared, JobError> {
+fn sensor() -> Result<Prepared> {
     let nonuniformity = NonUniformity {
         specimen: 1,
         dsnu_pixel_e: 3.0,
@@ -141,8 +135,7 @@ fn sensor() -> Result<Prepared, JobError> {
         let capture = Capture { exposure, placement: ORIGIN, frame };
         let noise = Noise { mode: NoiseMode::Exact, seed: 1 };
         let raw = alone.install(|| expose(&light, &sensor, &capture, &noise));
-        std::hint::black_box(raw.map_err(DesignError::from)?);
-        Ok(())
+        Ok(raw.map_err(DesignError::from)?)
     })
     .on_one_thread()
     .counted((FRAME.0 * FRAME.1) as f64, "pixels"))

@@ -13,7 +13,7 @@ use petzval_design::task::Objective;
 use super::workload::{Prepared, Workload};
 use crate::built_in::built_in_assets;
 use crate::device::device;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 
 const PICTURES: &str = "cooke-triplet-image-quality";
 const HARDWARE_ISP: &str = "cooke-triplet-image-quality-hardware-isp";
@@ -67,7 +67,7 @@ pub(super) fn workloads() -> Vec<Workload> {
 }
 
 /// A part of `joint_step`.
-fn part(part: Part, what: &str) -> Result<Prepared, JobError> {
+fn part(part: Part, what: &str) -> Result<Prepared> {
     let mut steps = Steps::new(PICTURES, BlockName::Optics)?;
     let Steps { setup, variant, .. } = &steps;
     let training = &setup.experiment.training;
@@ -80,7 +80,7 @@ fn part(part: Part, what: &str) -> Result<Prepared, JobError> {
 }
 
 /// Steps of a block of a built-in experiment.
-fn step(experiment: &str, block: BlockName, what: &str) -> Result<Prepared, JobError> {
+fn step(experiment: &str, block: BlockName, what: &str) -> Result<Prepared> {
     let mut steps = Steps::new(experiment, block)?;
     let (training, network) = (&steps.setup.experiment.training, &steps.setup.experiment.network);
     let size = if experiment == PICTURES {
@@ -106,7 +106,7 @@ struct Steps {
 }
 
 impl Steps {
-    fn new(experiment: &str, block: BlockName) -> Result<Self, JobError> {
+    fn new(experiment: &str, block: BlockName) -> Result<Self> {
         let assets = built_in_assets();
         let mut experiment = assets.experiment(experiment)?;
         experiment.street.windows = WINDOWS;

@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use self::workload::{Prepared, Workload};
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::range::check_ranges;
 use crate::threads::MOST_THREADS;
 
@@ -77,7 +77,7 @@ struct Measured<'p> {
 
 impl Measured<'_> {
     /// Runs once, and keeps the times.
-    fn run(&mut self, prepared: &mut Prepared) -> Result<(), JobError> {
+    fn run(&mut self, prepared: &mut Prepared) -> Result<()> {
         let mut timed = || {
             let (cpu, wall) = (ProcessTime::now(), Instant::now());
             (prepared.run)()?;
@@ -94,7 +94,7 @@ impl Measured<'_> {
 }
 
 /// A pool for each number of threads.
-fn pools(threads: &[usize]) -> Result<Vec<ThreadPool>, JobError> {
+fn pools(threads: &[usize]) -> Result<Vec<ThreadPool>> {
     let pool = |&threads: &usize| {
         if !(1..=MOST_THREADS).contains(&threads) {
             let hint = format!("1 to {MOST_THREADS}; give each number with which to compare");
@@ -121,7 +121,7 @@ pub fn names() -> Vec<&'static str> {
 
 /// Runs a workload once to warm up, then for the time of the request. Several numbers of threads take turns, so that a machine which slows
 /// down meanwhile slows all of them.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let Request { workload: name, seconds, threads } = request;
     let Some(workload) = workloads().into_iter().find(|w| w.name == *name) else {
         return Err(JobError::setting("only", name, "no such workload", names().join(", ")));

@@ -22,7 +22,7 @@ use petzval_report::lens_sheet::{PICTURES, page};
 
 use super::workload::{Prepared, Workload};
 use crate::built_in::built_in_assets;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 
 const FIELD_DEG: f64 = 15.0;
 const WAVELENGTHS_UM: [f64; 3] = [0.62, 0.55, 0.486];
@@ -53,7 +53,7 @@ pub(super) fn workloads() -> Vec<Workload> {
     ]
 }
 
-pub(super) fn nominal() -> Result<Lens, JobError> {
+pub(super) fn nominal() -> Result<Lens> {
     Ok(built_in_assets().lens("cooke-triplet-nominal")?.lens)
 }
 
@@ -67,7 +67,7 @@ fn all_aspheres(mut lens: Lens) -> Lens {
     lens
 }
 
-fn quadrature(cells: usize) -> Result<Quadrature, JobError> {
+fn quadrature(cells: usize) -> Result<Quadrature> {
     Ok(Quadrature::grid(cells).map_err(DesignError::from)?)
 }
 
@@ -84,20 +84,19 @@ fn bundle(lens: &Lens) -> RayBundle {
     rays
 }
 
-fn tracing(lens: Lens) -> Result<Prepared, JobError> {
+fn tracing(lens: Lens) -> Result<Prepared> {
     let (sequence, start) = (lens.at_wavelength(lens.reference_um), bundle(&lens));
     let units = (start.len() * sequence.surfaces.len()) as f64;
     Ok(Prepared::new("128 x 128 rays through 7 surfaces", move || {
         let mut rays = start.clone();
         trace(&sequence, &mut rays);
-        std::hint::black_box(&rays);
-        Ok(())
+        Ok(rays)
     })
     .on_one_thread()
     .counted(units, "surface intersections"))
 }
 
-fn adjoint() -> Result<Prepared, JobError> {
+fn adjoint() -> Result<Prepared> {
     let lens = nominal()?;
     let (sequence, start) = (lens.at_wavelength(lens.reference_um), bundle(&lens));
     let units = (start.len() * sequence.surfaces.len()) as f64;
@@ -108,36 +107,31 @@ fn adjoint() -> Result<Prepared, JobError> {
     Ok(Prepared::new(work, move || {
         let mut gradient = LensGradient::zero(sequence.surfaces.len());
         pull_back(&sequence, &start, &seeds, None, &mut gradient);
-        std::hint::black_box(&gradient);
-        Ok(())
+        Ok(gradient)
     })
     .on_one_thread()
     .counted(units, "surface intersections"))
 }
 
-fn spot_gradient(sampling: PupilSampling, rays: usize) -> Result<Prepared, JobError> {
+fn spot_gradient(sampling: PupilSampling, rays: usize) -> Result<Prepared> {
     let lens = nominal()?;
     let fields: Vec<f64> = (0..13).map(|i| (FIELD_DEG * f64::from(i) / 12.0).to_radians()).collect();
     let work =
         format!("RMS spot and gradient, 13 fields x 3 wavelengths x {rays} rays (mirror images counted)");
-    Ok(Prepared::new(work, move || {
-        std::hint::black_box(mean_square_spot_sampled(&lens, &fields, sampling));
-        Ok(())
-    }))
+    Ok(Prepared::new(work, move || Ok(mean_square_spot_sampled(&lens, &fields, sampling))))
 }
 
-fn psf_rgb() -> Result<Prepared, JobError> {
+fn psf_rgb() -> Result<Prepared> {
     let (lens, quadrature) = (nominal()?, quadrature(160)?);
     let work = "RGB PSF 128 x 128 at 1 um, 15 degrees, pupil of 160 x 160 cells";
     Ok(Prepared::new(work, move || {
         let options = PsfOptions::default();
-        std::hint::black_box(psf(&lens, FIELD_DEG.to_radians(), &WAVELENGTHS_UM, &quadrature, &options));
-        Ok(())
+        Ok(psf(&lens, FIELD_DEG.to_radians(), &WAVELENGTHS_UM, &quadrature, &options))
     })
     .on_one_thread())
 }
 
-fn psf_rgb_gradient() -> Result<Prepared, JobError> {
+fn psf_rgb_gradient() -> Result<Prepared> {
     let (lens, quadrature) = (nominal()?, quadrature(160)?);
     let template: Vec<f64> = (0..128 * 128).map(|i| f64::from(i % 7)).collect();
     let work = "the same with the gradient to every number of the lens";
@@ -149,34 +143,30 @@ fn psf_rgb_gradient() -> Result<Prepared, JobError> {
         };
         let cotangent =
             PsfCotangent { values: vec![template.clone(); 3], illumination: vec![1.0; 3], chief_y: 0.0 };
-        std::hint::black_box(tape.gradient(&psf, &quadrature, &cotangent));
-        Ok(())
+        Ok(tape.gradient(&psf, &quadrature, &cotangent))
     })
     .on_one_thread())
 }
 
-fn psf_13_fields() -> Result<Prepared, JobError> {
+fn psf_13_fields() -> Result<Prepared> {
     let lens = nominal()?;
     let plan = PsfPlan::new(13, 6.634, WAVELENGTHS_UM, PsfOptions::default(), quadrature(160)?);
     let work = "13 fields x RGB, 128 x 128 at 1 um, pupil of 160 x 160 cells";
-    Ok(Prepared::new(work, move || {
-        std::hint::black_box(plan.bank(&lens)?);
-        Ok(())
-    }))
+    Ok(Prepared::new(work, move || Ok(plan.bank(&lens)?)))
 }
 
 /// The optics of `joint_step` by rays: its settings are those of the built-in experiments.
-fn joint_psfs() -> Result<Prepared, JobError> {
+fn joint_psfs() -> Result<Prepared> {
     let PsfConfig { pupil_cells, .. } = PsfConfig::default();
     joint_psfs_of(PsfKind::Geometric, &format!("pupil of {pupil_cells} x {pupil_cells} cells"))
 }
 
 /// The same by waves.
-fn joint_psfs_waves() -> Result<Prepared, JobError> {
+fn joint_psfs_waves() -> Result<Prepared> {
     joint_psfs_of(PsfKind::Diffraction, "by waves")
 }
 
-fn joint_psfs_of(kind: PsfKind, how: &str) -> Result<Prepared, JobError> {
+fn joint_psfs_of(kind: PsfKind, how: &str) -> Result<Prepared> {
     let (lens, config) = (nominal()?, PsfConfig { kind: kind.into(), ..PsfConfig::default() });
     let plan = config.plan(&built_in_assets().sensor("imx249-fitted")?, config.pupil_cells)?;
     let work = format!(
@@ -187,8 +177,7 @@ fn joint_psfs_of(kind: PsfKind, how: &str) -> Result<Prepared, JobError> {
         let traced = plan.trace(&lens)?;
         let PsfBank { values, illumination, field_radius_mm, .. } = &traced.bank;
         let by_radius = vec![1.0; field_radius_mm.len()];
-        std::hint::black_box(plan.gradient(&traced, values, illumination, &by_radius));
-        Ok(())
+        Ok(plan.gradient(&traced, values, illumination, &by_radius))
     }))
 }
 
@@ -205,7 +194,7 @@ fn nominal_efl(lens: &Lens) -> Solves {
     Solves { efl: Some(EflSolve { surface: 6, efl_mm, radius_mm: None }), ..Solves::default() }
 }
 
-fn lm_iteration() -> Result<Prepared, JobError> {
+fn lm_iteration() -> Result<Prepared> {
     let lens = nominal()?;
     let mut variables: Vec<Variable> = Vec::new();
     for surface in [0, 1, 2, 3, 5] {
@@ -243,15 +232,12 @@ fn lm_iteration() -> Result<Prepared, JobError> {
     );
     Ok(Prepared::new(work, move || {
         let options = LevenbergOptions { iterations: 1, tolerance: 0.0, ..LevenbergOptions::default() };
-        let descent =
-            descend(&problem, &options, &mut |_, _, _| true).map_err(|e| JobError::failed(e.to_string()))?;
-        std::hint::black_box(descent);
-        Ok(())
+        descend(&problem, &options, &mut |_, _, _| true).map_err(|e| JobError::failed(e.to_string()))
     })
     .on_one_thread())
 }
 
-fn triplet_recovery() -> Result<Prepared, JobError> {
+fn triplet_recovery() -> Result<Prepared> {
     let lens = nominal()?;
     let still = Problem::new(lens.clone());
     let go = |problem: &Problem| {
@@ -280,7 +266,7 @@ fn triplet_recovery() -> Result<Prepared, JobError> {
     .on_one_thread())
 }
 
-fn lens_analyze() -> Result<Prepared, JobError> {
+fn lens_analyze() -> Result<Prepared> {
     let lens = nominal()?;
     let work = "every analysis, as data, 15 pictures and a page; 4 fields x 3 wavelengths";
     Ok(Prepared::new(work, move || {

@@ -1,13 +1,13 @@
 //! The workloads of `petzval bench`.
 
-use crate::error::JobError;
+use crate::error::Result;
 
 /// A workload: its name, and its preparation for repeated runs.
 pub struct Workload {
     pub name: &'static str,
     /// The instruction set that its hot loops use.
     pub simd: fn() -> &'static str,
-    pub prepare: fn() -> Result<Prepared, JobError>,
+    pub prepare: fn() -> Result<Prepared>,
 }
 
 /// A prepared workload.
@@ -18,12 +18,13 @@ pub struct Prepared {
     pub units: Option<(f64, &'static str)>,
     /// Whether it always runs on one thread.
     pub single_thread: bool,
-    pub run: Box<dyn FnMut() -> Result<(), JobError> + Send>,
+    pub run: Box<dyn FnMut() -> Result<()> + Send>,
 }
 
 impl Prepared {
-    /// A workload for all threads.
-    pub fn new(work: impl Into<String>, run: impl FnMut() -> Result<(), JobError> + Send + 'static) -> Self {
+    /// A workload for all threads. What a run makes is kept from the optimiser, and dropped.
+    pub fn new<T>(work: impl Into<String>, mut run: impl FnMut() -> Result<T> + Send + 'static) -> Self {
+        let run = move || run().map(|made| drop(std::hint::black_box(made)));
         Self { work: work.into(), units: None, single_thread: false, run: Box::new(run) }
     }
 

@@ -1,9 +1,7 @@
 //! `data check`: what a data set holds, and what is wrong with it.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use petzval_base::write_whole;
-use petzval_design::error::DesignError;
 use petzval_files::coco::{Annotation, Attribute, Defect, Loaded, Severity, Statistics, load_coco};
 use petzval_files::{CheckedPictures, load_image};
 use petzval_learn::dataset::Classes;
@@ -16,7 +14,7 @@ use super::memory::{remember, remembered};
 use super::photographs::{checked, photographs_of};
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::{JobError, make_folder};
+use crate::error::{JobError, Result, make_folder, write_file};
 use crate::event::WarningKind;
 use crate::input::ExperimentInput;
 use crate::range::check_ranges;
@@ -63,13 +61,11 @@ pub struct Response {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    place: Some(|request, folder| request.out = request.out.take().map(|_| folder.to_owned())),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit::placed(|request, folder| request.out = request.out.take().map(|_| folder.to_owned()));
 
 /// Reads and checks annotations and pictures. The folder `out` gets `data.json` (the response) and `data.html`.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     check_ranges(request)?;
     if let Some(out) = &request.out {
         check_folder(out, ["data.html", "data.json"], context)?;
@@ -103,17 +99,17 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     let path = out.join("data.html");
     response.page = Some(path.clone());
     let samples = samples(&loaded, request.samples, context)?;
-    write(&path, page(&sheet(&response, samples)).as_bytes())?;
+    write_file(&path, page(&sheet(&response, samples)))?;
     context.wrote(&path, "page");
     let json = serde_json::to_string_pretty(&response).map_err(|e| JobError::failed(e.to_string()))?;
     let path = out.join("data.json");
-    write(&path, json.as_bytes())?;
+    write_file(&path, json)?;
     context.wrote(path, "figures");
     Ok(response)
 }
 
 /// The classes of an experiment, which must have some.
-fn classes_of(experiment: &ExperimentInput, context: &Context) -> Result<Classes, JobError> {
+fn classes_of(experiment: &ExperimentInput, context: &Context) -> Result<Classes> {
     let classes = experiment.read(&context.assets)?.classes();
     if classes.is_empty() {
         let hint = "name one that looks for objects, such as pedestrian-vehicle";
@@ -123,7 +119,7 @@ fn classes_of(experiment: &ExperimentInput, context: &Context) -> Result<Classes
 }
 
 /// Pictures with boxes, evenly over the data set; the last is the one with the most.
-fn samples(loaded: &Loaded, most: usize, context: &Context) -> Result<Vec<Sample>, JobError> {
+fn samples(loaded: &Loaded, most: usize, context: &Context) -> Result<Vec<Sample>> {
     let data = &loaded.data;
     let objects = data.objects_of_images();
     let with_boxes: Vec<usize> = (0..data.images.len()).filter(|i| !objects[*i].is_empty()).collect();
@@ -210,8 +206,4 @@ fn sheet(response: &Response, samples: Vec<Sample>) -> DataSheet {
             .collect(),
     });
     DataSheet { facts, classes: classes.collect(), defects: defects.collect(), samples }
-}
-
-fn write(path: &Path, bytes: &[u8]) -> Result<(), JobError> {
-    write_whole(path, bytes).map_err(|e| DesignError::io(path)(e).into())
 }

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::{JobError, make_folder};
+use crate::error::{JobError, Result, make_folder};
 
 /// A data set to convert.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -49,11 +49,10 @@ pub struct Response {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> =
-    AsUnit { place: Some(|request, folder| request.out = folder.to_owned()), ..AsUnit::PLAIN };
+pub(crate) const UNIT: AsUnit<Request> = AsUnit::placed(|request, folder| request.out = folder.to_owned());
 
 /// Converts a data set. The annotations are written last: a folder that has them is complete.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let out = &request.out;
     let is_used = out.is_dir() && std::fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_some());
     if is_used {
@@ -97,7 +96,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 }
 
 /// A place inside the folder.
-fn inside(folder: &Path, name: &str) -> Result<PathBuf, JobError> {
+fn inside(folder: &Path, name: &str) -> Result<PathBuf> {
     let is_plain = Path::new(name).components().all(|part| matches!(part, Component::Normal(_)));
     if is_plain {
         Ok(folder.join(name))
@@ -107,7 +106,7 @@ fn inside(folder: &Path, name: &str) -> Result<PathBuf, JobError> {
 }
 
 /// Links a picture, or copies it where it cannot be linked; true if it is a link.
-fn place(source: &Path, target: &Path, copy: bool) -> Result<bool, JobError> {
+fn place(source: &Path, target: &Path, copy: bool) -> Result<bool> {
     let failed = |e: std::io::Error| JobError::failed(format!("{}: {e}", target.display()));
     if let Some(folder) = target.parent() {
         std::fs::create_dir_all(folder).map_err(failed)?;

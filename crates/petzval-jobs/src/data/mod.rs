@@ -9,7 +9,7 @@ use petzval_files::CheckedPictures;
 use petzval_files::coco::{CocoError, Loaded, PictureCheck, check_pictures_by};
 
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 
 pub use petzval_files::coco::convert::SourceFormat;
 pub use petzval_files::coco::{ClassStatistics, Defect, Severity, Statistics};
@@ -22,7 +22,7 @@ pub(crate) fn check_pictures_in(
     loaded: &mut Loaded,
     remembered: &CheckedPictures,
     context: &Context,
-) -> Result<(), JobError> {
+) -> Result<()> {
     let count = loaded.data.images.len() as u64;
     let watch = |done: usize| {
         context.progress(done as u64, count, "pictures are decoded");

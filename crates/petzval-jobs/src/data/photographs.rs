@@ -9,10 +9,10 @@ use petzval_files::{CheckedPictures, StoredPicture, check_stored, digests_of_ali
 use petzval_learn::dataset::DatasetError;
 
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::Result;
 
 /// The photographs of a place: none where it has annotations, or no pictures either.
-pub(super) fn photographs_of(place: &Path) -> Result<Option<Vec<StoredPicture>>, JobError> {
+pub(super) fn photographs_of(place: &Path) -> Result<Option<Vec<StoredPicture>>> {
     let is_list = place.extension().is_some_and(|ending| {
         ["txt", "lst", "list", "tar"].iter().any(|known| ending.eq_ignore_ascii_case(known))
     });
@@ -33,7 +33,7 @@ pub(super) fn checked(
     pictures: &[StoredPicture],
     remembered: &CheckedPictures,
     context: &Context,
-) -> Result<Loaded, JobError> {
+) -> Result<Loaded> {
     let count = pictures.len() as u64;
     let watch = |done: usize| {
         context.progress(done as u64, count, "pictures are decoded");
@@ -70,7 +70,7 @@ fn digests(
     pictures: &[StoredPicture],
     remembered: &CheckedPictures,
     context: &Context,
-) -> Result<Vec<Option<String>>, JobError> {
+) -> Result<Vec<Option<String>>> {
     let known: Vec<Option<String>> = pictures.iter().map(|picture| remembered.digest(picture)).collect();
     if known.iter().all(Option::is_some) {
         return Ok(known);

@@ -31,7 +31,7 @@ use serde::{Deserialize, Serialize};
 use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::device_check::Gate;
-use crate::error::{JobError, Stopped, json};
+use crate::error::{JobError, Result, Stopped, json};
 use crate::event::WarningKind;
 pub use crate::experiment::DEFAULT_EXPERIMENT;
 use crate::init;
@@ -51,21 +51,16 @@ pub use petzval_design::run::Metrics;
 /// How the names of a lens and a sensor end that are fitted to each other and are in no file.
 pub const FITTED: &str = " (fitted)";
 
-/// A run to begin, or to go on with.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Begin a run, or go on with one.
-    pub run: Run,
-    /// Where tensors live.
-    pub device: String,
-    /// Further forms in which losses, scores and figures of lenses are written after every step. A run that has them goes on with them.
-    pub log: Vec<LogForm>,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Self { run: Run::New(NewRun::default()), device: crate::usual::device(), log: Vec::new() }
+petzval_base::parameters! {
+    /// A run to begin, or to go on with.
+    pub struct Request {}
+    also {
+        /// Begin a run, or go on with one.
+        run: Run = Run::New(NewRun::default());
+        /// Where tensors live.
+        device: String = crate::usual::device();
+        /// Further forms in which losses, scores and figures of lenses are written after every step. A run that has them goes on with them.
+        log: Vec<LogForm> = Vec::new();
     }
 }
 
@@ -105,23 +100,18 @@ petzval_base::parameters! {
     }
 }
 
-/// A run to begin.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct NewRun {
-    /// Experiment: a built-in name, the path of a file, or the experiment itself; or the name or path of a lens, for which one is made as `init`
-    /// does.
-    pub experiment: ExperimentInput,
-    /// Folder of the run; `runs/EXPERIMENT-seed-SEED` if none is given, where a file `experiment.toml` is called by its folder, and the name of
-    /// a variant that is made alone stands before the seed.
-    pub out: Option<PathBuf>,
-    /// What differs from the experiment's file.
-    pub changes: Changes,
-}
-
-impl Default for NewRun {
-    fn default() -> Self {
-        Self { experiment: DEFAULT_EXPERIMENT.into(), out: None, changes: Changes::default() }
+petzval_base::parameters! {
+    /// A run to begin.
+    pub struct NewRun {}
+    also {
+        /// Experiment: a built-in name, the path of a file, or the experiment itself; or the name or path of a lens, for which one is made as `init`
+        /// does.
+        experiment: ExperimentInput = DEFAULT_EXPERIMENT.into();
+        /// Folder of the run; `runs/EXPERIMENT-seed-SEED` if none is given, where a file `experiment.toml` is called by its folder, and the name of
+        /// a variant that is made alone stands before the seed.
+        out: Option<PathBuf> = None;
+        /// What differs from the experiment's file.
+        changes: Changes = Changes::default();
     }
 }
 
@@ -207,7 +197,7 @@ pub(crate) fn inputs_of(experiment: &Experiment) -> Vec<PathBuf> {
 }
 
 /// Starts or continues a run, until every camera is made and scored. A run that is cancelled leaves a checkpoint.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     run_from(request, context).map_err(|error| match (&request.run, error) {
         // A run that goes on is as it was until it takes a step.
         (Run::Resume(resume), JobError::Stopped(early)) if early.resume.is_none() => {
@@ -217,7 +207,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     })
 }
 
-fn run_from(request: &Request, context: &Context) -> Result<Response, JobError> {
+fn run_from(request: &Request, context: &Context) -> Result<Response> {
     let device = context.device(&request.device)?;
     let mut extension = None;
     let warn = |text: &str| context.warning(WarningKind::ChangedFile, text);
@@ -308,7 +298,7 @@ pub(crate) fn pictures_now<'p>(
     key: PicturesKey,
     photos: Option<&'p Path>,
     data: Option<&'p Path>,
-) -> Result<Option<&'p Path>, JobError> {
+) -> Result<Option<&'p Path>> {
     let there = match (key, photos, data) {
         (PicturesKey::Data, Some(photos), _) => {
             let hint = "its pictures have labels: name them with --data";
@@ -340,7 +330,7 @@ pub(crate) fn pictures_now<'p>(
 }
 
 /// Notes where the pictures of a run are now, for the next time.
-fn remember_pictures(now: Inputs, folder: &RunFolder) -> Result<(), JobError> {
+fn remember_pictures(now: Inputs, folder: &RunFolder) -> Result<()> {
     let Some(then) = InputList::read(folder)? else { return Ok(()) };
     let place = |list: &InputList| list.pictures.as_ref().map(|pictures| pictures.place.clone());
     if place(&then) != place(&now.list) {
@@ -350,7 +340,7 @@ fn remember_pictures(now: Inputs, folder: &RunFolder) -> Result<(), JobError> {
 }
 
 /// Warns where another instruction set goes on with a run: its rounding differs in the last digits.
-fn warn_of_another_level(folder: &RunFolder, context: &Context) -> Result<(), JobError> {
+fn warn_of_another_level(folder: &RunFolder, context: &Context) -> Result<()> {
     let path = folder.environment();
     if !path.is_file() {
         return Ok(());
@@ -382,13 +372,13 @@ pub struct LookRequest {
 }
 
 /// As [`look`].
-pub fn look_at(request: &LookRequest, context: &Context) -> Result<FirstLook, JobError> {
+pub fn look_at(request: &LookRequest, context: &Context) -> Result<FirstLook> {
     look(&request.run, &request.device, context)
 }
 
 /// Looks at the experiment of a new run, as before its first step: what its lenses show on its sensor, what they violate, how its photographs fit, and
 /// how many steps it takes. Nothing is written.
-pub fn look(new: &NewRun, device: &str, context: &Context) -> Result<FirstLook, JobError> {
+pub fn look(new: &NewRun, device: &str, context: &Context) -> Result<FirstLook> {
     let (setup, mut look, _) = looked_at(new, context.device(device)?, context)?;
     look.warnings.extend(report_pictures(&setup, context));
     Ok(look)
@@ -396,11 +386,7 @@ pub fn look(new: &NewRun, device: &str, context: &Context) -> Result<FirstLook, 
 
 /// Makes the experiment of a new run ready and checks it before the first step. Returns it with the findings and with the context in which
 /// its lens and sensor are found. Every warning is reported.
-fn looked_at(
-    new: &NewRun,
-    device: Device,
-    context: &Context,
-) -> Result<(Setup, FirstLook, Context), JobError> {
+fn looked_at(new: &NewRun, device: Device, context: &Context) -> Result<(Setup, FirstLook, Context)> {
     let (experiment, own) = prepared(new, context)?;
     check_root(new, &experiment, context)?;
     let setup = set_up(experiment, device, &own)?;
@@ -419,7 +405,7 @@ fn looked_at(
 }
 
 /// Everything that the experiment needs. Every picture of a data set is decoded to find damaged ones, which takes minutes for thousands of them.
-fn set_up(experiment: Experiment, device: Device, context: &Context) -> Result<Setup, JobError> {
+fn set_up(experiment: Experiment, device: Device, context: &Context) -> Result<Setup> {
     if experiment.data != STREET {
         context.note(format!("checking every picture of {}", experiment.data));
     }
@@ -456,11 +442,7 @@ fn report_weights(setup: &Setup, context: &Context) {
 
 /// The record of a run and the experiment to go on with, which is longer where the request extends it. A `config.toml` that differs
 /// from the record is refused.
-fn resumed(
-    resume: &Resume,
-    folder: &RunFolder,
-    context: &Context,
-) -> Result<(RunRecord, Experiment), JobError> {
+fn resumed(resume: &Resume, folder: &RunFolder, context: &Context) -> Result<(RunRecord, Experiment)> {
     check_ranges(resume)?;
     let found = context.assets.config_of_run(folder)?;
     let record = RunRecord::read(folder)?.ok_or_else(|| {
@@ -488,19 +470,19 @@ fn resumed(
 }
 
 /// What scores the cameras of an experiment.
-pub(crate) fn scorer(setup: Setup) -> Result<Scorer, JobError> {
+pub(crate) fn scorer(setup: Setup) -> Result<Scorer> {
     Ok(Scorer::new(Arc::new(setup))?)
 }
 
 /// The experiment of a new run, complete: every default and every change is in it.
 ///
 /// Paths are made absolute, so that its text can be run again from any folder.
-pub fn resolved(new: &NewRun, context: &Context) -> Result<Experiment, JobError> {
+pub fn resolved(new: &NewRun, context: &Context) -> Result<Experiment> {
     Ok(prepared(new, context)?.0)
 }
 
 /// The experiment of a new run, see [`resolved`], and the folder that the run would have.
-pub(crate) fn config_of(new: &NewRun, context: &Context) -> Result<(Experiment, PathBuf), JobError> {
+pub(crate) fn config_of(new: &NewRun, context: &Context) -> Result<(Experiment, PathBuf)> {
     let experiment = resolved(new, context)?;
     let folder = root_of(new, &experiment);
     Ok((experiment, folder))
@@ -508,7 +490,7 @@ pub(crate) fn config_of(new: &NewRun, context: &Context) -> Result<(Experiment, 
 
 /// The experiment of a new run, and the context in which its lens and sensor are found. If the request names a lens in place of an
 /// experiment, lens and experiment are fitted to each other as by `init`; they are then in no file.
-pub(crate) fn prepared(new: &NewRun, context: &Context) -> Result<(Experiment, Context), JobError> {
+pub(crate) fn prepared(new: &NewRun, context: &Context) -> Result<(Experiment, Context)> {
     let (name, context) = &new.experiment.placed(context)?;
     let is_built_in =
         ["experiments", "lenses"].iter().any(|folder| context.assets.names(folder).contains(&name.as_str()));
@@ -546,7 +528,7 @@ pub(crate) fn prepared(new: &NewRun, context: &Context) -> Result<(Experiment, C
 }
 
 /// Refuses a folder in place of an experiment, and says how to go on with the run or the experiment in it.
-fn check_is_no_folder(path: &Path) -> Result<(), JobError> {
+fn check_is_no_folder(path: &Path) -> Result<()> {
     if !path.is_dir() {
         return Ok(());
     }
@@ -561,7 +543,7 @@ fn check_is_no_folder(path: &Path) -> Result<(), JobError> {
 }
 
 /// An experiment with the changes of a request.
-fn changed(mut experiment: Experiment, changes: &Changes, context: &Context) -> Result<Experiment, JobError> {
+fn changed(mut experiment: Experiment, changes: &Changes, context: &Context) -> Result<Experiment> {
     check_ranges(changes)?;
     check_said_once(changes)?;
     let facts = context.assets.facts_of(&experiment)?;
@@ -604,7 +586,7 @@ fn changed(mut experiment: Experiment, changes: &Changes, context: &Context) -> 
 }
 
 /// Refuses settings of keys for which the request has a field that is used.
-fn check_said_once(changes: &Changes) -> Result<(), JobError> {
+fn check_said_once(changes: &Changes) -> Result<()> {
     let Changes { seed, photos, data, steps, is_full, set, .. } = changes;
     let fields = [
         ("seed", seed.is_some(), &["seed"][..]),
@@ -628,7 +610,7 @@ fn check_said_once(changes: &Changes) -> Result<(), JobError> {
 }
 
 /// Sees that a new run can have its folder. A folder that the request leaves out may hold a run, so that its experiment can be looked at again.
-fn check_root(new: &NewRun, experiment: &Experiment, context: &Context) -> Result<(), JobError> {
+fn check_root(new: &NewRun, experiment: &Experiment, context: &Context) -> Result<()> {
     let root = root_of(new, experiment);
     // A run is opened again by this text.
     path_text(&root)?;

@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::apply::none_finished;
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::evaluate::camera_of;
 use crate::event::WarningKind;
 use crate::pixels::check_picture;
@@ -112,12 +112,7 @@ pub struct ObjectFinder {
 impl ObjectFinder {
     /// Opens the detector of a finished camera, or weights. `device` is where tensors live. `accept_changed` names files or folders of the
     /// run, by their path below it, that may differ from their digests.
-    pub fn open(
-        source: &Source,
-        device: &str,
-        accept_changed: &[String],
-        context: &Context,
-    ) -> Result<Self, JobError> {
+    pub fn open(source: &Source, device: &str, accept_changed: &[String], context: &Context) -> Result<Self> {
         let device = context.device(device)?;
         let finder = finder(source, None, &device, accept_changed, context)?;
         Ok(Self { finder, device })
@@ -130,7 +125,7 @@ impl ObjectFinder {
 
     /// The objects of at least this score, 0..1, in a picture of three planes in linear light where 1 is white; best first. Boxes are in
     /// pixels of the picture.
-    pub fn find(&self, picture: &LinearImage, least_score: f32) -> Result<Vec<Found>, JobError> {
+    pub fn find(&self, picture: &LinearImage, least_score: f32) -> Result<Vec<Found>> {
         check_picture(picture, "the picture")?;
         let encoded = LinearImage { data: picture.to_srgb(), ..*picture };
         let found = detect_in(self.finder.detector.as_ref(), &encoded, &self.device);
@@ -151,7 +146,7 @@ pub fn finder(
     device: &Device,
     accepted: &[String],
     context: &Context,
-) -> Result<Finder, JobError> {
+) -> Result<Finder> {
     match source {
         Source::Run { run, camera } => {
             let folder = RunFolder::open(run)?;

@@ -31,7 +31,7 @@ use crate::apply::{developed, is_raw, raw_frame};
 use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::data::check_pictures_in;
-use crate::error::{JobError, Stopped, make_folder, write_file};
+use crate::error::{JobError, Result, Stopped, make_folder, write_file};
 use crate::event::WarningKind;
 use crate::range::check_ranges;
 use crate::results::check_folder;
@@ -97,17 +97,15 @@ struct Looked {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    place: Some(|request, folder| request.out = request.out.take().map(|_| folder.to_owned())),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit::placed(|request, folder| request.out = request.out.take().map(|_| folder.to_owned()));
 
 /// Detects objects in pictures, for a camera of a run at their own size.
 ///
 /// Drawn pictures are written one by one, the results at the end. If the job is stopped, the results are of the pictures before. A picture
 /// that cannot be read gives a warning and is left out. With a data set, scores and results use all detections, not only those above the
 /// least score.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     check_ranges(request)?;
     let device = context.device(&request.device)?;
     let (looked, labelled) = match &request.data {
@@ -227,7 +225,7 @@ fn drawn_pictures(folder: &Path) -> BTreeSet<PathBuf> {
 }
 
 /// A picture as a detector sees it, sRGB-encoded; a raw frame developed by the camera.
-fn encoded(file: &Path, camera: Option<&Camera>) -> Result<LinearImage, JobError> {
+fn encoded(file: &Path, camera: Option<&Camera>) -> Result<LinearImage> {
     Ok(match camera.filter(|_| is_raw(file)) {
         Some(camera) => developed(camera, &raw_frame(file, &camera.body().sensor)?)?,
         None => {
@@ -250,7 +248,7 @@ fn result(image_id: u64, found: &Detection) -> coco::Detection {
 }
 
 /// Pictures without labels, numbered from 1.
-fn unlabelled(files: Vec<PathBuf>) -> Result<Vec<Looked>, JobError> {
+fn unlabelled(files: Vec<PathBuf>) -> Result<Vec<Looked>> {
     let looked = |(i, file): (usize, PathBuf)| {
         let image = Image { id: i as u64 + 1, file_name: whole_path(&file)?, ..Image::default() };
         Ok(Looked { file, image })
@@ -259,13 +257,13 @@ fn unlabelled(files: Vec<PathBuf>) -> Result<Vec<Looked>, JobError> {
 }
 
 /// The path of a file from the root on, so that annotations in another folder find it.
-fn whole_path(file: &Path) -> Result<String, JobError> {
+fn whole_path(file: &Path) -> Result<String> {
     Ok(std::path::absolute(file).map_err(DesignError::io(file))?.display().to_string())
 }
 
 /// The pictures of a data set, and the data set. What of it cannot be used is a warning. Refuses to write into `out` if that would replace the
 /// annotations.
-fn labelled(place: &Path, out: Option<&Path>, context: &Context) -> Result<(Vec<Looked>, DataSet), JobError> {
+fn labelled(place: &Path, out: Option<&Path>, context: &Context) -> Result<(Vec<Looked>, DataSet)> {
     let mut loaded = load_coco(place, context.cancel())?;
     loaded.check_form()?;
     let whole = |path: &Path| path.canonicalize().ok();
@@ -294,7 +292,7 @@ fn labelled(place: &Path, out: Option<&Path>, context: &Context) -> Result<(Vec<
 }
 
 /// The pictures of a part of the data set.
-fn of_part(looked: Vec<Looked>, part: Option<&str>, place: &Path) -> Result<Vec<Looked>, JobError> {
+fn of_part(looked: Vec<Looked>, part: Option<&str>, place: &Path) -> Result<Vec<Looked>> {
     let Some(part) = part else { return Ok(looked) };
     let known: BTreeSet<String> = looked.iter().filter_map(|l| l.image.split.clone()).collect();
     let mut looked = looked;
@@ -349,7 +347,7 @@ fn only(mut data: DataSet, looked: &[Looked]) -> DataSet {
 
 /// The data set with the classes of a detector for categories: for a run by the words of their names, for weights of torchvision by their
 /// numbers. Fails where nothing is left to find.
-fn in_classes_of(finder: &Finder, data: DataSet, context: &Context) -> Result<DataSet, JobError> {
+fn in_classes_of(finder: &Finder, data: DataSet, context: &Context) -> Result<DataSet> {
     let nothing = |hint: &str| {
         Err(JobError::input(format!("no box of {} is in this data set", listed(&finder.classes)), hint))
     };
@@ -394,7 +392,7 @@ fn listed(words: &[String]) -> String {
 }
 
 /// The pictures that are named, and those of the folders that are named, sorted by name. Raw frames of folders are for the camera of a run.
-fn files(images: &[PathBuf], detector: &Source) -> Result<Vec<PathBuf>, JobError> {
+fn files(images: &[PathBuf], detector: &Source) -> Result<Vec<PathBuf>> {
     let endings = match detector {
         Source::Run { .. } => &PICTURES[..],
         Source::Weights { .. } => &PICTURES[..PICTURES.len() - 1],

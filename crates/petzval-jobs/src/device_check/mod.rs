@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 use crate::device::{device, keep_tuning_for_the_user};
-use crate::error::{JobError, json};
+use crate::error::{JobError, Result, json};
 
 use networks::all_convolutions;
 
@@ -126,7 +126,7 @@ impl Subject {
         steps: usize,
         limit: Option<Duration>,
         context: &Context,
-    ) -> Result<DeviceReport, JobError> {
+    ) -> Result<DeviceReport> {
         let started = Instant::now();
         let is_over = || limit.is_some_and(|limit| started.elapsed() > limit);
         // A kernel is compiled and tuned at its first use; times are those of the next.
@@ -183,7 +183,7 @@ impl Subject {
 
 /// Checks a device with the convolutions of every network of Petzval. A third of the seconds at most goes to the CPU, which names the
 /// convolutions; what has begun ends later.
-pub(crate) fn check_device(name: &str, seconds: usize, context: &Context) -> Result<DeviceReport, JobError> {
+pub(crate) fn check_device(name: &str, seconds: usize, context: &Context) -> Result<DeviceReport> {
     let started = Instant::now();
     let tensors = device(name)?;
     let subject = Subject::new(name, &tensors);
@@ -216,7 +216,7 @@ pub(crate) struct Gate<'a> {
 
 impl Gate<'_> {
     /// Fails if the device may not train. The verdict holds for the run, as long as device, driver and version are the same.
-    pub(crate) fn pass(&self, context: &Context) -> Result<(), JobError> {
+    pub(crate) fn pass(&self, context: &Context) -> Result<()> {
         if self.device == "cpu" {
             return Ok(());
         }
@@ -233,7 +233,7 @@ impl Gate<'_> {
         })
     }
 
-    fn check(&self, context: &Context) -> Result<(), JobError> {
+    fn check(&self, context: &Context) -> Result<()> {
         let subject = Subject::new(self.device, &self.setup.body.device);
         let kept = self.folder.device();
         if kept_verdict(&kept)
@@ -261,7 +261,7 @@ impl Gate<'_> {
 }
 
 /// Does some work on a device that is not checked yet: a panic is one of the device.
-fn guarded<R>(subject: &Subject, work: impl FnOnce() -> Result<R, JobError>) -> Result<R, JobError> {
+fn guarded<R>(subject: &Subject, work: impl FnOnce() -> Result<R>) -> Result<R> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
         let (text, _) = crate::panic_place::of(&*panic);
         let text = text.lines().map(str::trim).collect::<Vec<_>>().join(" ");
@@ -388,7 +388,7 @@ mod tests {
 
     #[test]
     fn a_device_that_panics_is_refused() {
-        let refused = guarded(&subject(), || -> Result<(), JobError> { panic!("lost\n  for ever") });
+        let refused = guarded(&subject(), || -> Result<()> { panic!("lost\n  for ever") });
         let Err(JobError::Setting { key: "device", value, message, hint }) = refused else { panic!() };
         assert_eq!(value, "cpu");
         assert_eq!(message, "cpu fails in a step, and nothing is trained on it: lost for ever");

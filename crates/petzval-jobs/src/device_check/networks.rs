@@ -12,7 +12,7 @@ use petzval_learn::device_check::{DETECTORS, of_detector, of_proxies};
 
 use crate::context::Context;
 use crate::device::device;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 
 /// Windows of streets that are made for a step: the convolutions do not depend on them.
 const WINDOWS: usize = 8;
@@ -32,7 +32,7 @@ pub(super) struct Collected {
 
 /// Collects the convolutions from one training step of each experiment and from a forward pass of each detector and proxy, all on the CPU.
 /// Experiments that differ in nothing that a network sees count once. Ends with the first one that is finished after `deadline`.
-pub(super) fn all_convolutions(deadline: Instant, context: &Context) -> Result<Collected, JobError> {
+pub(super) fn all_convolutions(deadline: Instant, context: &Context) -> Result<Collected> {
     let experiments = experiments(context)?;
     let street = |(_, e): &&(String, Experiment)| e.data == STREET;
     let [batch, side] = experiments
@@ -42,7 +42,7 @@ pub(super) fn all_convolutions(deadline: Instant, context: &Context) -> Result<C
     let total = experiments.len() + DETECTORS.len() + 1;
     let mut all = Collected { convolutions: BTreeSet::new(), left_out: Vec::new() };
     let mut done = 0;
-    let mut next = |name: String, find: &dyn Fn() -> Result<BTreeSet<Convolution>, JobError>| {
+    let mut next = |name: String, find: &dyn Fn() -> Result<BTreeSet<Convolution>>| {
         context.check(|| "stopped while the networks were looked at")?;
         if done > 0 && Instant::now() > deadline {
             all.left_out.push(name);
@@ -71,7 +71,7 @@ pub(super) fn all_convolutions(deadline: Instant, context: &Context) -> Result<C
 }
 
 /// The built-in experiments whose networks differ, [`MAIN`] first, and its full size.
-fn experiments(context: &Context) -> Result<Vec<(String, Experiment)>, JobError> {
+fn experiments(context: &Context) -> Result<Vec<(String, Experiment)>> {
     let assets = &context.assets;
     let mut all: Vec<(String, Experiment)> = Vec::new();
     let others = assets.names("experiments").into_iter().filter(|name| *name != MAIN);

@@ -10,7 +10,7 @@ use petzval_files::{GlassWarning, decode, is_meant_as_catalog, parse_agf, parse_
 use petzval_optics::glass::Catalog;
 
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::event::WarningKind;
 
 /// The glasses of the user's files, and the lines of these files that were not understood.
@@ -52,7 +52,7 @@ pub fn library_with(
     paths: &[PathBuf],
     in_full: bool,
     warn: &dyn Fn(String),
-) -> Result<Library, JobError> {
+) -> Result<Library> {
     if paths.is_empty() {
         return Ok(library);
     }
@@ -67,7 +67,7 @@ pub fn library_with(
 }
 
 /// A context with the glasses of these files, which take precedence. Lines that were not understood are warnings, the first of each kind.
-pub fn context_with(context: Context, paths: &[PathBuf]) -> Result<Context, JobError> {
+pub fn context_with(context: Context, paths: &[PathBuf]) -> Result<Context> {
     let warn = |line: String| context.warning(WarningKind::LensFile, line);
     let library = library_with(context.assets.clone(), paths, false, &warn)?;
     Ok(context.with_assets(library))
@@ -80,7 +80,7 @@ const ENDINGS: &str = ".agf, .toml, .yml or .yaml";
 /// The maker of an AGF file is its name without `.agf`. A page of refractiveindex.info is called as its file is, made by
 /// the folder below `specs`; a page in a folder `MATERIAL/nk` is called `MATERIAL-PAGE`. Files in a folder that hold no
 /// glass, such as pages of media without an index and lens files, are warnings.
-pub fn read_glasses(paths: &[PathBuf]) -> Result<ChosenGlasses, JobError> {
+pub fn read_glasses(paths: &[PathBuf]) -> Result<ChosenGlasses> {
     let mut chosen = ChosenGlasses::default();
     for path in paths {
         if !path.exists() {
@@ -121,7 +121,7 @@ pub fn read_glasses(paths: &[PathBuf]) -> Result<ChosenGlasses, JobError> {
 }
 
 /// The glass files below a folder.
-fn glass_files(root: &Path) -> Result<Vec<PathBuf>, JobError> {
+fn glass_files(root: &Path) -> Result<Vec<PathBuf>> {
     let (mut files, mut open) = (Vec::new(), vec![root.to_path_buf()]);
     while let Some(folder) = open.pop() {
         for entry in std::fs::read_dir(&folder).map_err(DesignError::io(&folder))? {
@@ -162,7 +162,7 @@ fn is_index(path: &Path) -> bool {
     stem == "about" || stem.starts_with("catalog-")
 }
 
-fn read_file(path: &Path, chosen: &mut ChosenGlasses) -> Result<(), JobError> {
+fn read_file(path: &Path, chosen: &mut ChosenGlasses) -> Result<()> {
     let known = matches!(ending(path).as_str(), "agf" | "toml") || is_page(path);
     if path.exists() && !known {
         return Err(wrong(path, "this is no glass catalogue", format!("glass files end in {ENDINGS}")));

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{is_made_by, nd_and_vd, p_gf, status};
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::range::check_ranges;
 
 petzval_base::parameters! {
@@ -74,7 +74,7 @@ impl From<&Near> for Found {
 }
 
 /// Finds the glasses.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     check_ranges(request)?;
     let found =
         nearest(context.assets.catalog()?.as_ref(), [request.nd, request.vd], request.count, |glass| {

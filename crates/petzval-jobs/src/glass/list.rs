@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{is_made_by, nd_and_vd, status};
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 
 /// Which glasses to list.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -70,7 +70,7 @@ impl Listed {
 }
 
 /// Lists the glasses.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let catalog = context.assets.catalog()?;
     let glasses: Vec<&Arc<Glass>> =
         catalog.glasses().filter(|glass| is_made_by(glass, request.maker.as_deref())).collect();

@@ -10,13 +10,13 @@ use std::sync::Arc;
 use petzval_design::library::Library;
 use petzval_optics::glass::{Glass, LINE_C_UM, LINE_D_UM, LINE_F_UM, LINE_G_UM};
 
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::finite::finite;
 
 pub use catalogs::{ChosenGlasses, context_with, library_with, read_glasses};
 
 /// The glass of a name, or of `MAKER:NAME`.
-pub fn named(name: &str, library: &Library) -> Result<Arc<Glass>, JobError> {
+pub fn named(name: &str, library: &Library) -> Result<Arc<Glass>> {
     library.catalog()?.get(name).map_err(|unknown| {
         let nearest = unknown.nearest.join(", ");
         let hint = format!("the nearest names are {nearest}; `petzval glass list` shows every glass");

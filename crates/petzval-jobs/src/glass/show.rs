@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{at_lines, named, nd_and_vd, p_gf, status};
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::range::check_ranges;
 
 /// Path of [`Line::transmission_10_mm`], mm.
@@ -140,7 +140,7 @@ type Air = (f64, f64);
 
 impl Request {
     /// The air in which indices are computed, once every setting is in its range.
-    fn air(&self) -> Result<Option<Air>, JobError> {
+    fn air(&self) -> Result<Option<Air>> {
         check_ranges(self)?;
         let atm = self.pressure.unwrap_or(1.0);
         let Some(c) = self.temperature else {
@@ -154,7 +154,7 @@ impl Request {
 }
 
 /// Looks the glass up and computes its figures.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let glass = named(&request.name, &context.assets)?;
     let air = request.air()?;
     if air.is_some() && glass.index_at(LINE_D_UM, DN_DT_C[0], 1.0).is_none() {

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::{JobError, make_folder, write_file};
+use crate::error::{JobError, Result, make_folder, write_file};
 use crate::named_isp::isp_by_name;
 use crate::results::{check_folder, what_is};
 use crate::simulate;
@@ -29,28 +29,18 @@ const DEFAULT_QE: &str = "imx219";
 /// MTFs are right to 0.01 below 0.5 cycles a pixel.
 pub const SAMPLES: usize = 2;
 
-/// A camera and an ISP to measure. What is left out has the default of the command.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Name of a preset, or a file of settings or of the description of an external ISP.
-    pub isp: String,
-    /// Further values, each `stage.key=value`.
-    pub set: Vec<String>,
-    /// The camera and its exposure. Images, formats and the other developments of a simulation are not used.
-    pub camera: simulate::Request,
-    /// Folder for the results.
-    pub out: PathBuf,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Self {
-            isp: super::NEUTRAL.to_owned(),
-            set: Vec::new(),
-            camera: simulate::Request { samples: Some(SAMPLES), ..simulate::Request::default() },
-            out: PathBuf::new(),
-        }
+petzval_base::parameters! {
+    /// A camera and an ISP to measure. What is left out has the default of the command.
+    pub struct Request {}
+    also {
+        /// Name of a preset, or a file of settings or of the description of an external ISP.
+        isp: String = super::NEUTRAL.to_owned();
+        /// Further values, each `stage.key=value`.
+        set: Vec<String> = Vec::new();
+        /// The camera and its exposure. Images, formats and the other developments of a simulation are not used.
+        camera: simulate::Request = simulate::Request { samples: Some(SAMPLES), ..simulate::Request::default() };
+        /// Folder for the results.
+        out: PathBuf = PathBuf::new();
     }
 }
 
@@ -88,14 +78,13 @@ pub struct Response {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    seed: Some(|request, seed| request.camera.seed = seed),
-    place: Some(|request, folder| request.out = folder.to_owned()),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> = AsUnit::seeded(
+    |request, seed| request.camera.seed = seed,
+    |request, folder| request.out = folder.to_owned(),
+);
 
 /// Takes, develops and measures the chart. The folder `out` gets `chart.json` (the response), `chart.png` and `chart.html`.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     check_folder(&request.out, ["chart.png", "chart.html", "chart.json"], context)?;
     let mut isp = isp_by_name(&request.isp, &context.assets, context.cancel())?;
     isp.set(&request.set)?;

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use super::frame::{FrameOptions, Merge, Source, read_merged, read_one};
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::{JobError, make_folder, write_file};
+use crate::error::{JobError, Result, make_folder, write_file};
 use crate::named_isp::{NamedIsp, about_frame, isp_by_name};
 use crate::pixels::check_numbers;
 use crate::range::check_ranges;
@@ -119,18 +119,14 @@ pub struct Picture {
 }
 
 /// Develops every frame; writes nothing. All inputs are read before the first is developed.
-pub fn pictures(request: &Request, context: &Context) -> Result<Vec<Picture>, JobError> {
+pub fn pictures(request: &Request, context: &Context) -> Result<Vec<Picture>> {
     let named = named_isp(request, context)?;
     let (_, shots) = shots(request)?;
     values(request, &named, &shots, context)
 }
 
 /// [`pictures`] of raw frames in memory, which are developed in place of the files of the request.
-pub fn pictures_of(
-    request: &Request,
-    raws: &[RawInMemory<'_>],
-    context: &Context,
-) -> Result<Vec<Picture>, JobError> {
+pub fn pictures_of(request: &Request, raws: &[RawInMemory<'_>], context: &Context) -> Result<Vec<Picture>> {
     let named = named_isp(request, context)?;
     raws.iter().try_for_each(|raw| check_numbers(raw.frame, raw.name))?;
     let sources: Vec<Source<'_>> = raws.iter().copied().map(Source::Memory).collect();
@@ -145,12 +141,7 @@ pub fn pictures_of(
 }
 
 /// The pictures of all shots.
-fn values(
-    request: &Request,
-    named: &NamedIsp,
-    shots: &Shots<'_>,
-    context: &Context,
-) -> Result<Vec<Picture>, JobError> {
+fn values(request: &Request, named: &NamedIsp, shots: &Shots<'_>, context: &Context) -> Result<Vec<Picture>> {
     check_readable(request, shots, context)?;
     let mut pictures = Vec::new();
     develop(request, named, shots, context, &mut |_, _, _, picture| {
@@ -161,11 +152,10 @@ fn values(
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> =
-    AsUnit { place: Some(|request, folder| request.out = folder.to_owned()), ..AsUnit::PLAIN };
+pub(crate) const UNIT: AsUnit<Request> = AsUnit::placed(|request, folder| request.out = folder.to_owned());
 
 /// Develops every frame, and keeps the pictures. All inputs are read before the first picture is written.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let named = named_isp(request, context)?;
     let (out, shots) = shots(request)?;
     check_readable(request, &shots, context)?;
@@ -201,7 +191,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 }
 
 /// The ISP of a request with its values, once every setting is in its range.
-fn named_isp(request: &Request, context: &Context) -> Result<NamedIsp, JobError> {
+fn named_isp(request: &Request, context: &Context) -> Result<NamedIsp> {
     check_ranges(request)?;
     match (request.ycbcr, request.bits) {
         (None, 8 | 10 | 16) | (Some(_), 8 | 10) => {}
@@ -215,13 +205,13 @@ fn named_isp(request: &Request, context: &Context) -> Result<NamedIsp, JobError>
 }
 
 /// Reads every frame once, before the first is developed.
-fn check_readable(request: &Request, shots: &Shots<'_>, context: &Context) -> Result<(), JobError> {
+fn check_readable(request: &Request, shots: &Shots<'_>, context: &Context) -> Result<()> {
     let quiet = context.silent();
     shots.iter().try_for_each(|(_, raws)| read(request, raws, &quiet).map(drop))
 }
 
 /// What happens to each picture: called with its name, the raw frame and the values of the ISP.
-type Each<'a> = dyn FnMut(&str, &RawInput, &[f64], Picture) -> Result<(), JobError> + 'a;
+type Each<'a> = dyn FnMut(&str, &RawInput, &[f64], Picture) -> Result<()> + 'a;
 
 /// Develops frame after frame, and gives each to `each`.
 fn develop(
@@ -230,7 +220,7 @@ fn develop(
     shots: &Shots<'_>,
     context: &Context,
     each: &mut Each<'_>,
-) -> Result<(), JobError> {
+) -> Result<()> {
     for (i, (name, raws)) in shots.iter().enumerate() {
         context.check(|| format!("stopped after {i} of {} pictures", shots.len()))?;
         context.progress(i as u64, shots.len() as u64, name);
@@ -246,7 +236,7 @@ fn develop(
 }
 
 /// A frame, of one raw frame or merged.
-fn read(request: &Request, raws: &[Source<'_>], context: &Context) -> Result<RawInput, JobError> {
+fn read(request: &Request, raws: &[Source<'_>], context: &Context) -> Result<RawInput> {
     match (&request.merge, raws.first()) {
         (Some(merge), _) => read_merged(raws, merge, &request.frame, context),
         (None, Some(raw)) => read_one(*raw, &request.frame, context),
@@ -263,7 +253,7 @@ fn no_frame() -> JobError {
 type Shots<'a> = Vec<(String, Vec<Source<'a>>)>;
 
 /// The folder of the pictures, and their names and raw files. The name of a file for `out` is that of the only picture.
-fn shots(request: &Request) -> Result<(PathBuf, Shots<'_>), JobError> {
+fn shots(request: &Request) -> Result<(PathBuf, Shots<'_>)> {
     let out = &request.out;
     let files = || request.raws.iter().map(|raw| Source::File(raw));
     let shots: Shots<'_> = match (&request.merge, request.raws.first()) {
@@ -295,7 +285,7 @@ fn shots(request: &Request) -> Result<(PathBuf, Shots<'_>), JobError> {
 }
 
 /// Refuses to replace a raw frame by its picture, also with the leave to overwrite results.
-fn check_inputs_stay(request: &Request, out: &Path, shots: &Shots<'_>) -> Result<(), JobError> {
+fn check_inputs_stay(request: &Request, out: &Path, shots: &Shots<'_>) -> Result<()> {
     let same = |a: &Path, b: &Path| matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b);
     for (name, _) in shots {
         let picture = out.join(format!("{name}.{}", extension(request)));
@@ -308,7 +298,7 @@ fn check_inputs_stay(request: &Request, out: &Path, shots: &Shots<'_>) -> Result
 }
 
 /// The ending and the bytes of a picture's file.
-fn encoded(request: &Request, picture: &RgbPicture) -> Result<Vec<u8>, JobError> {
+fn encoded(request: &Request, picture: &RgbPicture) -> Result<Vec<u8>> {
     let Some(YcbcrFile { container, standard, range, chroma }) = request.ycbcr else {
         return picture_png_bytes(picture, request.bits).map_err(JobError::failed);
     };
@@ -379,7 +369,7 @@ fn stem(raw: &Path) -> String {
 }
 
 /// Names of the files without their endings, each of which names a picture.
-fn distinct_stems(raws: &[PathBuf]) -> Result<Vec<String>, JobError> {
+fn distinct_stems(raws: &[PathBuf]) -> Result<Vec<String>> {
     if raws.is_empty() {
         return Err(no_frame());
     }

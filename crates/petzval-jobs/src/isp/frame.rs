@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use super::pile::pile_up;
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::event::WarningKind;
 use crate::input::SensorInput;
 use crate::named_isp::about_frame;
@@ -99,7 +99,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    fn frame(&self) -> Result<RawFrame<u32>, JobError> {
+    fn frame(&self) -> Result<RawFrame<u32>> {
         match self {
             Self::File(path) => Ok(load_any_raw(path)?),
             Self::Memory(raw) => Ok(raw.frame.clone()),
@@ -107,7 +107,7 @@ impl<'a> Source<'a> {
     }
 
     /// Its calibration: that in memory, or the file that its sidecar names.
-    fn calibration(&self, info: &RawInfo) -> Result<FrameCalibration, JobError> {
+    fn calibration(&self, info: &RawInfo) -> Result<FrameCalibration> {
         match (self, &info.calibration) {
             (Self::File(path), Some(name)) => calibration(path, name),
             (Self::File(_), None) => Ok(FrameCalibration::default()),
@@ -149,36 +149,24 @@ impl<'a> Source<'a> {
 }
 
 /// Reads a raw file as an ISP takes it.
-pub fn read_frame(path: &Path, options: &FrameOptions, context: &Context) -> Result<RawInput, JobError> {
+pub fn read_frame(path: &Path, options: &FrameOptions, context: &Context) -> Result<RawInput> {
     read_one(Source::File(path), options, context)
 }
 
 /// A raw frame in memory as an ISP takes it.
-pub fn frame_in_memory(
-    raw: RawInMemory<'_>,
-    options: &FrameOptions,
-    context: &Context,
-) -> Result<RawInput, JobError> {
+pub fn frame_in_memory(raw: RawInMemory<'_>, options: &FrameOptions, context: &Context) -> Result<RawInput> {
     check_numbers(raw.frame, raw.name)?;
     read_one(Source::Memory(raw), options, context)
 }
 
 /// What an ISP knows of frames like one in memory, without their numbers: no level is estimated from these.
-pub fn frames_like(
-    raw: RawInMemory<'_>,
-    options: &FrameOptions,
-    context: &Context,
-) -> Result<RawInput, JobError> {
+pub fn frames_like(raw: RawInMemory<'_>, options: &FrameOptions, context: &Context) -> Result<RawInput> {
     let frame = RawFrame { height: 0, width: 0, dn: Vec::new(), info: raw.frame.info.clone() };
     Ok(read_exposure(Source::Memory(RawInMemory { frame: &frame, ..raw }), options, context)?.0)
 }
 
 /// Reads a raw frame.
-pub(super) fn read_one(
-    source: Source<'_>,
-    options: &FrameOptions,
-    context: &Context,
-) -> Result<RawInput, JobError> {
+pub(super) fn read_one(source: Source<'_>, options: &FrameOptions, context: &Context) -> Result<RawInput> {
     let (mut frame, _) = read_exposure(source, options, context)?;
     estimate(&mut frame, options).map_err(about_frame(source.path()))?;
     Ok(frame)
@@ -190,7 +178,7 @@ pub(super) fn read_merged(
     merge: &Merge,
     options: &FrameOptions,
     context: &Context,
-) -> Result<RawInput, JobError> {
+) -> Result<RawInput> {
     let mut frames = Vec::new();
     let mut known = Vec::new();
     for source in sources {
@@ -220,7 +208,7 @@ fn read_exposure(
     source: Source<'_>,
     options: &FrameOptions,
     context: &Context,
-) -> Result<(RawInput, Option<f64>), JobError> {
+) -> Result<(RawInput, Option<f64>)> {
     let (path, raw) = (source.path(), source.frame()?);
     let info = &raw.info;
     // Name all missing keys at once. A sensor or a calibration may give the black level.
@@ -346,11 +334,7 @@ fn read_exposure(
 }
 
 /// Mean and tile of black levels, one or one for each pixel of the mosaic's tile.
-fn tile_of(
-    path: &Path,
-    levels: Vec<f64>,
-    cfa: CfaPattern,
-) -> Result<(Option<f64>, Option<Vec<f64>>), JobError> {
+fn tile_of(path: &Path, levels: Vec<f64>, cfa: CfaPattern) -> Result<(Option<f64>, Option<Vec<f64>>)> {
     let pixels = cfa.rows() * cfa.cols();
     match levels.len() {
         1 => Ok((levels.first().copied(), None)),
@@ -440,7 +424,7 @@ fn saturated_dn(
 }
 
 /// The calibration that the sidecar of a frame names.
-fn calibration(frame: &Path, name: &str) -> Result<FrameCalibration, JobError> {
+fn calibration(frame: &Path, name: &str) -> Result<FrameCalibration> {
     let file = frame.parent().unwrap_or(Path::new("")).join(name);
     FrameCalibration::load(&file).map_err(|error| match error {
         RawFileError::Io { source, .. } => JobError::input(
@@ -485,11 +469,7 @@ fn set_white(about: &mut FrameData, factor: f64) {
 }
 
 /// The sensor that the options name, or the built-in one with the name that the file gives.
-fn sensor_of(
-    info: &RawInfo,
-    options: &FrameOptions,
-    assets: &Library,
-) -> Result<Option<SensorModel>, JobError> {
+fn sensor_of(info: &RawInfo, options: &FrameOptions, assets: &Library) -> Result<Option<SensorModel>> {
     if let Some(sensor) = &options.sensor {
         return Ok(Some(sensor.read(assets)?));
     }

@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::Result;
 use crate::named_isp::isp_by_name;
 use crate::range::check_ranges;
 
@@ -77,7 +77,7 @@ impl ShownParameter {
 }
 
 /// Reads the settings of an ISP.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let named = isp_by_name(&request.isp, &context.assets, context.cancel())?;
     check_ranges(request)?;
     let values = named.values(request.gain_ev)?;

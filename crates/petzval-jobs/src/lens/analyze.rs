@@ -14,7 +14,7 @@ use super::analysis_csv::TABLES;
 use super::focus::{FocusAt, check_image, focused, out_of_focus};
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::{JobError, make_folder, write_file};
+use crate::error::{JobError, Result, make_folder, write_file};
 use crate::event::WarningKind;
 use crate::input::{LensInput, SensorInput};
 use crate::range::check_ranges;
@@ -85,7 +85,7 @@ pub fn names() -> Vec<&'static str> {
 }
 
 impl Request {
-    fn check(&self) -> Result<(), JobError> {
+    fn check(&self) -> Result<()> {
         check_ranges(self)?;
         if let (Some(pitch), Some(_)) = (self.pixel_um, &self.sensor) {
             let hint = "a sensor has a pixel pitch of its own: leave one of the two out";
@@ -102,7 +102,7 @@ impl Request {
     }
 
     /// A lens at the fields and wavelengths at which it is looked at.
-    fn looked_at(&self, mut lens: Lens) -> Result<Lens, JobError> {
+    fn looked_at(&self, mut lens: Lens) -> Result<Lens> {
         let limit_deg = lens.object.field_limit_deg();
         if let Some(field) = self.fields.iter().find(|field| field.abs() >= limit_deg) {
             let hint = format!("degrees from the axis, less than {limit_deg}");
@@ -136,16 +136,16 @@ impl Request {
 }
 
 /// Analyses the lens; writes nothing.
-pub fn analysis(request: &Request, context: &Context) -> Result<Analysis, JobError> {
+pub fn analysis(request: &Request, context: &Context) -> Result<Analysis> {
     Prepared::new(request, context)?.analysed(context)
 }
 
 /// As a unit of work.
 pub(crate) const UNIT: AsUnit<Request> =
-    AsUnit { place: Some(|request, folder| request.out = Some(folder.to_owned())), ..AsUnit::PLAIN };
+    AsUnit::placed(|request, folder| request.out = Some(folder.to_owned()));
 
 /// Analyses the lens and writes the files.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let prepared = Prepared::new(request, context)?;
     let folder = request.folder();
     let wanted: Vec<&Picture> = PICTURES.iter().filter(|picture| request.is_wanted(picture.name)).collect();
@@ -202,7 +202,7 @@ struct Prepared {
 
 impl Prepared {
     /// The lens of a request, once every setting is known to be possible.
-    fn new(request: &Request, context: &Context) -> Result<Self, JobError> {
+    fn new(request: &Request, context: &Context) -> Result<Self> {
         request.check()?;
         let name = request.lens.name().into_owned();
         let lens = request.looked_at(request.lens.read(&context.assets)?.lens)?;
@@ -232,7 +232,7 @@ impl Prepared {
         Ok(Self { name, lens, options })
     }
 
-    fn analysed(&self, context: &Context) -> Result<Analysis, JobError> {
+    fn analysed(&self, context: &Context) -> Result<Analysis> {
         let Self { name, lens, options } = self;
         let (done, fields) = (Tally::default(), lens.fields_deg.len() as u64);
         let tick = || {

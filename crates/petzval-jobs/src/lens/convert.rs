@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::as_unit::{AsUnit, within};
 use crate::context::Context;
-use crate::error::{JobError, write_file};
+use crate::error::{JobError, Result, write_file};
 use crate::finite::finite;
 use crate::input::LensInput;
 use crate::results::check_file;
@@ -45,13 +45,11 @@ pub struct Response {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    place: Some(|request, folder| request.to = within(folder, &request.to, "lens.toml")),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit::placed(|request, folder| request.to = within(folder, &request.to, "lens.toml"));
 
 /// Reads the lens and writes it in the other format. A lens that would bend light otherwise there is refused.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let (name, context) = &request.from.placed(context)?;
     let import = context.assets.import(name)?;
     let export = write_as_named(&import.file, &request.to, context)?;
@@ -67,7 +65,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 }
 
 /// Writes a lens in the format that the ending of a file names; returns what the file does not represent.
-pub(super) fn write_as_named(file: &LensFile, to: &Path, context: &Context) -> Result<Export, JobError> {
+pub(super) fn write_as_named(file: &LensFile, to: &Path, context: &Context) -> Result<Export> {
     let catalog = context.assets.catalog()?;
     let export = match extension(to).as_str() {
         "toml" => Ok(Export { text: write_lens(file), losses: Vec::new() }),

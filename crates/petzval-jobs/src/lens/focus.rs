@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use super::convert::write_as_named;
 use crate::as_unit::{AsUnit, within};
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::input::LensInput;
 
 /// Pupil cells a side of the best focus.
@@ -38,21 +38,16 @@ pub enum FocusAt {
     Best,
 }
 
-/// A lens to focus.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Lens: a built-in name, the path of a file, or the lens itself.
-    pub lens: LensInput,
-    /// Where its image plane goes.
-    pub focus: FocusAt,
-    /// The file to write, whose ending names the format; none to see the figures alone.
-    pub to: Option<PathBuf>,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Self { lens: LensInput::default(), focus: FocusAt::Best, to: None }
+petzval_base::parameters! {
+    /// A lens to focus.
+    pub struct Request {}
+    also {
+        /// Lens: a built-in name, the path of a file, or the lens itself.
+        lens: LensInput = LensInput::default();
+        /// Where its image plane goes.
+        focus: FocusAt = FocusAt::Best;
+        /// The file to write, whose ending names the format; none to see the figures alone.
+        to: Option<PathBuf> = None;
     }
 }
 
@@ -76,13 +71,12 @@ pub struct Response {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    place: Some(|request, folder| request.to = request.to.as_ref().map(|to| within(folder, to, "lens.toml"))),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> = AsUnit::placed(|request, folder| {
+    request.to = request.to.as_ref().map(|to| within(folder, to, "lens.toml"))
+});
 
 /// Focuses the lens, and writes it if a file is named.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let (name, context) = &request.lens.placed(context)?;
     let file = context.assets.lens(name)?;
     let before = file.lens.clone();
@@ -121,7 +115,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 }
 
 /// The lens with its image plane there.
-pub(super) fn focused(lens: Lens, focus: FocusAt) -> Result<Lens, JobError> {
+pub(super) fn focused(lens: Lens, focus: FocusAt) -> Result<Lens> {
     let refused = |said: &str| {
         let name = if focus == FocusAt::Best { "best" } else { "paraxial" };
         JobError::setting("focus", name, said, "--focus file leaves the image plane where the file puts it")
@@ -229,7 +223,7 @@ pub(super) fn no_image(lens: &Lens) -> Option<NoImage> {
 const PARALLEL_LIGHT: &str = "a thin lens of known focal length behind it makes an image of parallel light";
 
 /// Refuses a lens that has no entrance pupil or no image at a finite distance.
-pub(super) fn check_image(name: &str, lens: &Lens) -> Result<(), JobError> {
+pub(super) fn check_image(name: &str, lens: &Lens) -> Result<()> {
     no_image(lens)
         .map_or(Ok(()), |NoImage { reason, hint }| Err(JobError::input(format!("{name}: {reason}"), hint)))
 }

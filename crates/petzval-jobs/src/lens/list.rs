@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::Result;
 use crate::finite::finite;
 
 /// The built-in lenses.
@@ -40,7 +40,7 @@ pub struct Entry {
 }
 
 /// Lists the built-in lenses.
-pub fn run(_: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(_: &Request, context: &Context) -> Result<Response> {
     let entry = |name: &str| {
         let lens = context.assets.lens(name)?.lens;
         let order = first_order(&lens.at_wavelength(lens.reference_um));
@@ -54,6 +54,6 @@ pub fn run(_: &Request, context: &Context) -> Result<Response, JobError> {
             lens: lens.name,
         })
     };
-    let lenses = context.assets.names("lenses").into_iter().map(entry).collect::<Result<_, JobError>>()?;
+    let lenses = context.assets.names("lenses").into_iter().map(entry).collect::<Result<_>>()?;
     Ok(Response { lenses })
 }

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use super::focus::{FocusAt, focused, out_of_focus};
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::finite::finite;
 use crate::glass::nd_and_vd;
 use crate::input::LensInput;
@@ -173,14 +173,14 @@ pub struct Prescription {
 }
 
 /// Reads the lens and nothing more: the prescription of a lens that [`run`] refuses may show why no light reaches its image.
-pub fn prescription(request: &Request, context: &Context) -> Result<Prescription, JobError> {
+pub fn prescription(request: &Request, context: &Context) -> Result<Prescription> {
     let (name, context) = &request.lens.placed(context)?;
     let lens = focused(context.assets.lens(name)?.lens, request.focus)?;
     Ok(Prescription { surfaces: surfaces(&lens), name: lens.name })
 }
 
 /// Computes the figures.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let (name, context) = &request.lens.placed(context)?;
     let lens = focused(context.assets.lens(name)?.lens, request.focus)?;
     let reference = lens.at_wavelength(lens.reference_um);
@@ -261,7 +261,7 @@ struct Spots {
 }
 
 /// The spots of every field.
-fn spots(name: &str, lens: &Lens) -> Result<Vec<Spots>, JobError> {
+fn spots(name: &str, lens: &Lens) -> Result<Vec<Spots>> {
     let of_field = |field_deg: &f64| {
         let field = field_deg.to_radians();
         let real_stop = spot_converged(lens, field, &SPOTS).ok_or_else(|| {

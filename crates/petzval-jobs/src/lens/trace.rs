@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::input::LensInput;
 use crate::range::check_ranges;
 
@@ -84,7 +84,7 @@ impl Place {
 
 impl Request {
     /// The pupil point, once every setting is in its range.
-    fn checked_pupil(&self, lens: &Lens) -> Result<[f64; 2], JobError> {
+    fn checked_pupil(&self, lens: &Lens) -> Result<[f64; 2]> {
         check_ranges(self)?;
         let pupil = || self.pupil.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
         let [px, py] = self.pupil[..] else {
@@ -109,7 +109,7 @@ impl Request {
 }
 
 /// Traces the ray. A ray that is lost is a response like any other.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let (name, context) = &request.lens.placed(context)?;
     let lens = context.assets.lens(name)?.lens;
     let pupil = request.checked_pupil(&lens)?;

@@ -18,7 +18,7 @@ use super::focus::{Defocus, defocus};
 use super::optimize::Goal;
 use super::show::{of_one_section, unshadowed};
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::Result;
 use crate::glass::nd_and_vd;
 use crate::input::LensInput;
 use crate::range::check_ranges;
@@ -192,7 +192,7 @@ pub struct Violation {
 }
 
 /// Looks at the lens.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     check_ranges(request)?;
     let Edited { file, toml, losses, .. } = edited(&request.lens, &request.edits, context)?;
     let (shown, mut problems) = thinned(&file.lens);
@@ -393,7 +393,7 @@ fn rows(file: &LensFile) -> Vec<Row> {
 }
 
 /// Why the lens cannot be built, and the limits of a goal that it violates at its clear semi-diameters.
-fn violations(lens: &Lens, goal: &Goal) -> Result<Vec<Violation>, JobError> {
+fn violations(lens: &Lens, goal: &Goal) -> Result<Vec<Violation>> {
     let mut found: Vec<Violation> =
         validate(lens).err().map(|defect| of_defect(&defect)).into_iter().collect();
     let field_rad = lens.outermost_field_deg().to_radians();

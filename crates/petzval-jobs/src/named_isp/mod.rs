@@ -22,7 +22,7 @@ use petzval_learn::weight_file::Weights;
 use serde::Serialize;
 
 use self::external::ExternalIsp;
-use crate::error::{JobError, Stopped};
+use crate::error::{JobError, Result, Stopped};
 
 /// Name of the settings in which every parameter of the built-in ISP has its default.
 pub const NEUTRAL: &str = "neutral";
@@ -50,7 +50,7 @@ enum Kind {
 
 /// The ISP of a name: [`NEUTRAL`], a preset of `crates/petzval-data/data/isp/`, or the path of a preset, of settings, or of the description of an external
 /// ISP or of a proxy. The flag stops the calls of an external ISP.
-pub fn isp_by_name(name: &str, assets: &Assets, cancel: &Cancel) -> Result<NamedIsp, JobError> {
+pub fn isp_by_name(name: &str, assets: &Assets, cancel: &Cancel) -> Result<NamedIsp> {
     if name == NEUTRAL && !Path::new(name).is_file() {
         return Ok(NamedIsp::of_preset(IspPreset::default()));
     }
@@ -130,7 +130,7 @@ impl NamedIsp {
         }
     }
 
-    fn external(about: ExternalIspFile, path: &Path, cancel: &Cancel) -> Result<Self, JobError> {
+    fn external(about: ExternalIspFile, path: &Path, cancel: &Cancel) -> Result<Self> {
         let home = path.parent().filter(|home| !home.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let cache = about.cache.clone().unwrap_or_default();
         let isp = ExternalIsp::new(about, home, cancel.clone()).map_err(|e| {
@@ -144,7 +144,7 @@ impl NamedIsp {
         Ok(Self { parameters, kind: Kind::External { isp, values, description }, changes: Vec::new() })
     }
 
-    fn proxy(about: &IspProxyFile, path: &Path, assets: &Assets, cancel: &Cancel) -> Result<Self, JobError> {
+    fn proxy(about: &IspProxyFile, path: &Path, assets: &Assets, cancel: &Cancel) -> Result<Self> {
         let wrong = |message: String| {
             let hint = "the description and the weights of one `petzval train isp-proxy` belong together";
             JobError::input(format!("{}: {message}", path.display()), hint)
@@ -208,7 +208,7 @@ impl NamedIsp {
     }
 
     /// The values at a gain of the sensor, EV.
-    pub fn values(&self, gain_ev: f64) -> Result<Vec<f64>, JobError> {
+    pub fn values(&self, gain_ev: f64) -> Result<Vec<f64>> {
         let mut values = match &self.kind {
             Kind::BuiltIn { preset, .. } => preset
                 .at_gain(gain_ev)
@@ -246,11 +246,7 @@ impl NamedIsp {
     }
 
     /// How long each stage of the built-in ISP takes on a frame, s: medians of some runs. Other ISPs have no stages.
-    pub fn stage_times(
-        &self,
-        frame: &RawInput,
-        values: &[f64],
-    ) -> Result<Vec<(&'static str, f64)>, JobError> {
+    pub fn stage_times(&self, frame: &RawInput, values: &[f64]) -> Result<Vec<(&'static str, f64)>> {
         let Kind::BuiltIn { isp, .. } = &self.kind else { return Ok(Vec::new()) };
         let failed = |e: IspError| JobError::failed(e.to_string());
         let isp = HardwareIsp { settings: isp.settings.with_values(values).map_err(failed)? };
@@ -258,7 +254,7 @@ impl NamedIsp {
     }
 
     /// Changes values by `stage.key=value`, each of which has to be in its range.
-    pub fn set(&mut self, changes: &[String]) -> Result<(), JobError> {
+    pub fn set(&mut self, changes: &[String]) -> Result<()> {
         for change in changes {
             let wrong = |message: String, hint: String| Err(JobError::setting("set", change, message, hint));
             let Some((name, value)) = change.split_once('=') else {
@@ -306,7 +302,7 @@ impl NamedIsp {
     }
 
     /// Places of the parameters that several names stand for, each once, in the order of the ISP.
-    pub fn all_places(&self, names: &[String]) -> Result<Vec<usize>, JobError> {
+    pub fn all_places(&self, names: &[String]) -> Result<Vec<usize>> {
         let mut places = Vec::new();
         for name in names {
             let found = self.places(name);
@@ -342,7 +338,7 @@ impl NamedIsp {
     }
 
     /// A file of these values, which [`isp_by_name`] reads.
-    pub fn settings_toml(&self, about: &str, values: &[f64]) -> Result<String, JobError> {
+    pub fn settings_toml(&self, about: &str, values: &[f64]) -> Result<String> {
         match &self.kind {
             Kind::BuiltIn { preset, .. } => {
                 let settings = preset.settings.with_values(values);
@@ -358,7 +354,7 @@ impl NamedIsp {
 }
 
 /// A file of a preset with its values by gain, which [`isp_by_name`] reads.
-pub fn preset_file(preset: &IspPreset) -> Result<String, JobError> {
+pub fn preset_file(preset: &IspPreset) -> Result<String> {
     #[derive(Serialize)]
     struct Knots<'a> {
         knot: &'a [GainKnot],

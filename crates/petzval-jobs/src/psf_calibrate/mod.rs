@@ -5,7 +5,7 @@ mod figures;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use petzval_base::{FileError, write_whole};
+use petzval_base::FileError;
 use petzval_camera::image::CHANNELS;
 use petzval_camera::psf::PsfBank;
 use petzval_camera::sensor::SensorModel;
@@ -27,7 +27,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::{JobError, json, make_folder};
+use crate::error::{JobError, Result, json, make_folder, write_file};
 use crate::event::WarningKind;
 use crate::frames::Frames;
 use crate::input::LensInput;
@@ -40,27 +40,22 @@ pub use figures::{
 };
 pub use petzval_lab::psf_calibration::held_out::HeldOutBy;
 
-/// Captures of a pinhole from which to measure PSFs.
-///
-/// Files: `calibration.json`, all figures; `psf-calibration.html`, a page to look at; `psf-calibration.png`, all PSFs on a
-/// sheet; `measured.npy`, float64 `[position, channel, row, column]`; `psf.json`, `psf.npy` (float32) and `illumination.npy`, the bank of PSFs,
-/// which `simulate`, `apply`, `evaluate` and experiments take.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Request {
-    /// Folder of captures, with `captures.toml`.
-    pub captures: PathBuf,
-    /// Lens to compare with, if any: a built-in name, the path of a file, or the lens itself.
-    pub lens: Option<LensInput>,
-    /// Folder for the results; `psf-calibration` in the folder of captures if it is not given.
-    pub out: Option<PathBuf>,
-    /// Seed of the draws behind the noise floor.
-    pub seed: u64,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Self { captures: PathBuf::new(), lens: None, out: None, seed: crate::usual::seed() }
+petzval_base::parameters! {
+    /// Captures of a pinhole from which to measure PSFs.
+    ///
+    /// Files: `calibration.json`, all figures; `psf-calibration.html`, a page to look at; `psf-calibration.png`, all PSFs on a
+    /// sheet; `measured.npy`, float64 `[position, channel, row, column]`; `psf.json`, `psf.npy` (float32) and `illumination.npy`, the bank of PSFs,
+    /// which `simulate`, `apply`, `evaluate` and experiments take.
+    pub struct Request {}
+    also {
+        /// Folder of captures, with `captures.toml`.
+        captures: PathBuf = PathBuf::new();
+        /// Lens to compare with, if any: a built-in name, the path of a file, or the lens itself.
+        lens: Option<LensInput> = None;
+        /// Folder for the results; `psf-calibration` in the folder of captures if it is not given.
+        out: Option<PathBuf> = None;
+        /// Seed of the draws behind the noise floor.
+        seed: u64 = crate::usual::seed();
     }
 }
 
@@ -131,19 +126,18 @@ impl Measurement {
 }
 
 /// Measures every position and fits the bank; writes nothing.
-pub fn measurement(request: &Request, context: &Context) -> Result<Measurement, JobError> {
+pub fn measurement(request: &Request, context: &Context) -> Result<Measurement> {
     Captured::read(request)?.measured(request, context)
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    seed: Some(|request, seed| request.seed = seed),
-    place: Some(|request, folder| request.out = Some(folder.to_owned())),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> = AsUnit::seeded(
+    |request, seed| request.seed = seed,
+    |request, folder| request.out = Some(folder.to_owned()),
+);
 
 /// Measures every position, fits the bank, and writes the results.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let captured = Captured::read(request)?;
     let out = request.out.clone().unwrap_or_else(|| request.captures.join("psf-calibration"));
     check_folder(
@@ -165,13 +159,13 @@ struct Captured {
 }
 
 impl Captured {
-    fn read(request: &Request) -> Result<Self, JobError> {
+    fn read(request: &Request) -> Result<Self> {
         let folder = &request.captures;
         let (manifest, text, path) = read_manifest(folder).map_err(described_in(folder))?;
         Ok(Self { manifest, text, path })
     }
 
-    fn measured(&self, request: &Request, context: &Context) -> Result<Measurement, JobError> {
+    fn measured(&self, request: &Request, context: &Context) -> Result<Measurement> {
         let Self { manifest, text, path } = self;
         let folder = &request.captures;
         let sensor = sensor(manifest, text, path, &context.assets)?;
@@ -207,7 +201,7 @@ fn measure(
     sensor: &SensorModel,
     view: Option<&PinholeView>,
     context: &Context,
-) -> Result<(Vec<Compared>, PsfBank, Vec<FieldEstimate>), JobError> {
+) -> Result<(Vec<Compared>, PsfBank, Vec<FieldEstimate>)> {
     let folder = &request.captures;
     let exposures = manifest.position.iter().flat_map(|p| &p.exposure);
     let progress =
@@ -265,7 +259,7 @@ fn measure(
 }
 
 /// The sensor that the manifest names: a file beside it, or a built-in one.
-fn sensor(manifest: &Manifest, text: &str, path: &Path, assets: &Assets) -> Result<SensorModel, JobError> {
+fn sensor(manifest: &Manifest, text: &str, path: &Path, assets: &Assets) -> Result<SensorModel> {
     let beside = path.parent().unwrap_or(Path::new("")).join(&manifest.sensor);
     let name = if beside.is_file() { path_text(&beside)? } else { manifest.sensor.clone() };
     assets.sensor(&name).map_err(|error| match error {
@@ -284,7 +278,7 @@ fn view(
     manifest: &Manifest,
     sensor: &SensorModel,
     assets: &Library,
-) -> Result<PinholeView, JobError> {
+) -> Result<PinholeView> {
     let lens = lens.read(assets)?.lens;
     let source = &manifest.source;
     let distance_mm = source.distance_mm.as_ref().map(|mm| *mm.get_ref());
@@ -347,11 +341,11 @@ fn limits(fields: &[FieldEstimate]) -> String {
 }
 
 /// Writes every file of the results into a folder.
-pub fn keep(measurement: &Measurement, out: &Path, context: &Context) -> Result<(), JobError> {
+pub fn keep(measurement: &Measurement, out: &Path, context: &Context) -> Result<()> {
     make_folder(out)?;
-    let write = |name: &str, what: &str, bytes: &[u8]| -> Result<(), JobError> {
+    let write = |name: &str, what: &str, bytes: &[u8]| -> Result<()> {
         let path = out.join(name);
-        write_whole(&path, bytes).map_err(DesignError::io(&path))?;
+        write_file(&path, bytes)?;
         context.wrote(path, what);
         Ok(())
     };

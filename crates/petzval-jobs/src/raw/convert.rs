@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::FrameSummary;
 use crate::as_unit::{AsUnit, within};
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::range::check_ranges;
 use crate::results::check_file;
 
@@ -60,13 +60,11 @@ pub struct Response {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    place: Some(|request, folder| request.output = within(folder, &request.output, "raw.tiff")),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit::placed(|request, folder| request.output = within(folder, &request.output, "raw.tiff"));
 
 /// Reads the frame and writes it, with its sidecar.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     check_ranges(request)?;
     let mut frame = load_any_raw(&request.input)?.in_16_bits().ok_or_else(|| {
         JobError::input(
@@ -121,7 +119,7 @@ fn refused(wrong: OutOfRange) -> JobError {
 
 impl Request {
     /// Camera and exposure as the request gives them. Levels are those of 16 bits unless the request states more.
-    fn info(&self) -> Result<RawInfo, JobError> {
+    fn info(&self) -> Result<RawInfo> {
         let info = RawInfo {
             bits: self.bits,
             cfa: self.cfa,
@@ -137,7 +135,7 @@ impl Request {
     }
 
     /// The format of the output.
-    fn format(&self, bits: u32) -> Result<RawFormat, JobError> {
+    fn format(&self, bits: u32) -> Result<RawFormat> {
         let packing = self.packing.unwrap_or(Packing::for_bits(bits));
         let output = self.output.display();
         let format = RawFormat::of_name(&self.output, packing).filter(|format| *format != RawFormat::Dng);
@@ -160,7 +158,7 @@ impl Request {
 }
 
 /// Checks that every digital number fits in the bits of the converter.
-fn check_bits(request: &Request, frame: &RawFrame, bits: u32) -> Result<(), JobError> {
+fn check_bits(request: &Request, frame: &RawFrame, bits: u32) -> Result<()> {
     let Some((row, col, dn)) = frame.beyond(bits) else { return Ok(()) };
     let input = request.input.display();
     Err(JobError::input(

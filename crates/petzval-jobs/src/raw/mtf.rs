@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::{JobError, json, make_folder, write_file};
+use crate::error::{JobError, Result, json, make_folder, write_file};
 use crate::event::WarningKind;
 use crate::pixels::{check_numbers, check_picture};
 use crate::range::check_ranges;
@@ -129,12 +129,7 @@ pub enum Pixels<'a> {
 }
 
 /// Measures the edges of pixels in memory, in place of the file of the request; writes nothing. `name` is what the response calls them.
-pub fn edges(
-    request: &Request,
-    name: &str,
-    pixels: Pixels<'_>,
-    context: &Context,
-) -> Result<Response, JobError> {
+pub fn edges(request: &Request, name: &str, pixels: Pixels<'_>, context: &Context) -> Result<Response> {
     check_ranges(request)?;
     let frame = match pixels {
         Pixels::Raw(raw) => {
@@ -150,13 +145,11 @@ pub fn edges(
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    place: Some(|request, folder| request.out = request.out.take().map(|_| folder.to_owned())),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit::placed(|request, folder| request.out = request.out.take().map(|_| folder.to_owned()));
 
 /// Reads the frame, measures its edges, and writes the files.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     check_ranges(request)?;
     if let Some(out) = &request.out {
         check_folder(out, FILES, context)?;
@@ -177,12 +170,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 }
 
 /// The edges that the request names in a frame, or those that are found.
-fn measured_edges(
-    request: &Request,
-    name: &str,
-    frame: &Frame,
-    context: &Context,
-) -> Result<Response, JobError> {
+fn measured_edges(request: &Request, name: &str, frame: &Frame, context: &Context) -> Result<Response> {
     for region in &request.regions {
         if !region.is_inside(frame.height, frame.width) {
             let message = format!("the frame has {} rows and {} columns", frame.height, frame.width);
@@ -214,7 +202,7 @@ pub fn per_mm(per_px: f64, pixel_um: f64) -> f64 {
 }
 
 /// Reads the file as light.
-fn read(request: &Request, context: &Context) -> Result<Frame, JobError> {
+fn read(request: &Request, context: &Context) -> Result<Frame> {
     if !request.is_picture && holds_digital_numbers(&request.file)? {
         let name = request.file.display().to_string();
         return frame_of_raw(request, &load_raw(&request.file)?, &name, context);
@@ -227,7 +215,7 @@ fn read(request: &Request, context: &Context) -> Result<Frame, JobError> {
 }
 
 /// Refuses a colour filter array of a picture.
-fn check_no_mosaic(request: &Request) -> Result<(), JobError> {
+fn check_no_mosaic(request: &Request) -> Result<()> {
     match request.cfa {
         Some(cfa) => {
             let message = "a picture has no mosaic";
@@ -237,7 +225,7 @@ fn check_no_mosaic(request: &Request) -> Result<(), JobError> {
     }
 }
 
-fn frame_of_picture(request: &Request, light: &LinearImage, is_linear: bool) -> Result<Frame, JobError> {
+fn frame_of_picture(request: &Request, light: &LinearImage, is_linear: bool) -> Result<Frame> {
     check_no_mosaic(request)?;
     Ok(Frame {
         height: light.height,
@@ -250,7 +238,7 @@ fn frame_of_picture(request: &Request, light: &LinearImage, is_linear: bool) -> 
     })
 }
 
-fn frame_of_raw(request: &Request, raw: &RawFrame, name: &str, context: &Context) -> Result<Frame, JobError> {
+fn frame_of_raw(request: &Request, raw: &RawFrame, name: &str, context: &Context) -> Result<Frame> {
     let cfa = request.cfa.or(raw.info.cfa).unwrap_or_else(|| {
         context.warning(WarningKind::RawFrame, format!(
             "{name}: no sidecar states its mosaic, and all pixels are taken for one colour; --cfa RGGB names one"
@@ -286,7 +274,7 @@ fn frame_of_raw(request: &Request, raw: &RawFrame, name: &str, context: &Context
 }
 
 /// The edge in a region that the request names. A channel without a response is warned of; a region without any is refused.
-fn measured(region: &Region, frame: &Frame, context: &Context) -> Result<Edge, JobError> {
+fn measured(region: &Region, frame: &Frame, context: &Context) -> Result<Edge> {
     let (mut channels, mut failures) = (Vec::new(), Vec::new());
     for channel in &frame.channels {
         match edge_mtf(channel, region) {
@@ -309,7 +297,7 @@ fn measured(region: &Region, frame: &Frame, context: &Context) -> Result<Edge, J
 }
 
 /// The edges that are found in the channel with the most light: green, or the first. A channel in which one of them has no response is left out there.
-fn found(name: &str, frame: &Frame) -> Result<Vec<Edge>, JobError> {
+fn found(name: &str, frame: &Frame) -> Result<Vec<Edge>> {
     let green = frame.channels.iter().find(|channel| channel.pitch > 1 && channel.name == "green");
     let channel = green.or(frame.channels.first());
     let searched = channel.map(find_edges).unwrap_or_default();

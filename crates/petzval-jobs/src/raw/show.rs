@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::FrameSummary;
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::Result;
 
 /// A raw frame to summarise: gray TIFF or PNG of 8 or 16 bits, a NumPy array, a packed `.raw` with its sidecar, or DNG with
 /// the cargo feature `dng`.
@@ -23,6 +23,6 @@ pub struct Request {
 pub type Response = FrameSummary;
 
 /// Reads the frame and summarises it.
-pub fn run(request: &Request, _context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, _context: &Context) -> Result<Response> {
     Ok(FrameSummary::new(&request.file, &load_any_raw(&request.file)?))
 }

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::{JobError, make_folder};
+use crate::error::{JobError, Result, make_folder};
 use crate::frames;
 use crate::input::SensorInput;
 use crate::range::check_ranges;
@@ -96,7 +96,7 @@ impl Frames {
 }
 
 impl Iterator for Frames {
-    type Item = Result<SeriesFrame, JobError>;
+    type Item = Result<SeriesFrame>;
 
     fn next(&mut self) -> Option<Self::Item> {
         if self.left() == 0 {
@@ -119,20 +119,17 @@ impl Iterator for Frames {
 impl ExactSizeIterator for Frames {}
 
 /// Exposes the series frame by frame; writes nothing. The folder of the request is not used.
-pub fn frames(request: &Request, context: &Context) -> Result<Frames, JobError> {
+pub fn frames(request: &Request, context: &Context) -> Result<Frames> {
     let (sensor, plan) = prepared(request, context)?;
     Ok(Frames { series: Series::new(&sensor, &plan)?, next: 0, cancel: context.cancel().clone() })
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    seed: Some(|request, seed| request.seed = seed),
-    place: Some(|request, folder| request.out = folder.to_owned()),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit::seeded(|request, seed| request.seed = seed, |request, folder| request.out = folder.to_owned());
 
 /// Exposes and writes the frames that the folder does not hold yet, and lists all of them.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let (sensor, plan) = prepared(request, context)?;
     // The folder is made later, once the whole series is known to be possible.
     if request.out.exists() && !request.out.is_dir() {
@@ -161,7 +158,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 }
 
 /// The sensor and the plan of its series, once every number is in its range and the sensor has every setting.
-fn prepared(request: &Request, context: &Context) -> Result<(SensorModel, Plan), JobError> {
+fn prepared(request: &Request, context: &Context) -> Result<(SensorModel, Plan)> {
     check_ranges(request)?;
     let sensor = request.sensor.read(&context.assets)?;
     let plan = request.plan(&sensor);

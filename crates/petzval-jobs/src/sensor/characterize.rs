@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use petzval_base::{csv_number, csv_text, write_whole};
+use petzval_base::{csv_number, csv_text};
 use petzval_design::error::DesignError;
 use petzval_lab::emva::captures::milliseconds;
 use petzval_lab::emva::{Captures, Done, Options, characterize, result_xml, warning_lines};
@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::{JobError, make_folder};
+use crate::error::{JobError, Result, make_folder, write_file};
 use crate::event::WarningKind;
 use crate::frames::Frames;
 use crate::range::check_ranges;
@@ -63,7 +63,7 @@ pub struct Response {
 const RESULTS: [&str; 3] = ["results.json", "sensor.toml", "histograms.csv"];
 
 /// Reads the captures and measures the sensor; writes nothing.
-pub fn characterization(request: &Request, context: &Context) -> Result<Characterization, JobError> {
+pub fn characterization(request: &Request, context: &Context) -> Result<Characterization> {
     check_ranges(request)?;
     let mut captures = Captures::open(&request.dir)?;
     captures.sensor.pixel_um = captures.sensor.pixel_um.or(request.pixel_um);
@@ -85,13 +85,11 @@ pub fn characterization(request: &Request, context: &Context) -> Result<Characte
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    place: Some(|request, folder| request.out = request.out.take().map(|_| folder.to_owned())),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit::placed(|request, folder| request.out = request.out.take().map(|_| folder.to_owned()));
 
 /// Reads the captures, measures the sensor, and keeps the results in the folder of the request, if it names one.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     check_ranges(request)?;
     if let Some(out) = &request.out {
         check_folder(out, RESULTS, context)?;
@@ -105,18 +103,13 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 }
 
 /// Writes every file of the results, each whole or not at all; returns their paths.
-pub fn keep(
-    found: &Characterization,
-    values: Values,
-    out: &Path,
-    context: &Context,
-) -> Result<Vec<PathBuf>, JobError> {
+pub fn keep(found: &Characterization, values: Values, out: &Path, context: &Context) -> Result<Vec<PathBuf>> {
     check_folder(out, RESULTS, context)?;
     make_folder(out)?;
     let mut files = Vec::new();
-    let mut write = |name: &str, text: &str| -> Result<(), JobError> {
+    let mut write = |name: &str, text: &str| -> Result<()> {
         let path = out.join(name);
-        write_whole(&path, text.as_bytes()).map_err(DesignError::io(&path))?;
+        write_file(&path, text)?;
         context.wrote(&path, what_is(&path));
         files.push(path);
         Ok(())

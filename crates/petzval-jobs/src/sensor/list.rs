@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::Result;
 
 /// The built-in sensors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -45,7 +45,7 @@ pub struct Entry {
 }
 
 /// Lists the built-in sensors.
-pub fn run(_: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(_: &Request, context: &Context) -> Result<Response> {
     let entry = |name: &str| {
         let sensor = context.assets.sensor(name)?;
         Ok(Entry {
@@ -61,6 +61,6 @@ pub fn run(_: &Request, context: &Context) -> Result<Response, JobError> {
             source: sensor.source,
         })
     };
-    let sensors = context.assets.names("sensors").into_iter().map(entry).collect::<Result<_, JobError>>()?;
+    let sensors = context.assets.names("sensors").into_iter().map(entry).collect::<Result<_>>()?;
     Ok(Response { sensors })
 }

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::Result;
 use crate::input::SensorInput;
 use crate::range::check_ranges;
 
@@ -33,7 +33,7 @@ pub struct Response {
 }
 
 /// Reads the sensor and computes its figures.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     check_ranges(request)?;
     let (name, context) = &request.sensor.placed(context)?;
     let sensor = context.assets.sensor(name)?;

@@ -9,14 +9,14 @@ use petzval_camera::spectral::Matrix3;
 use petzval_design::error::DesignError;
 
 use super::rig::Rig;
-use crate::error::JobError;
+use crate::error::Result;
 use crate::named_isp::NamedIsp;
 
 /// Nodes along a side of the calibrated meshes.
 pub const MESH: usize = 33;
 
 /// The picture.
-pub fn picture(isp: &NamedIsp, frame: &RawInput) -> Result<RgbPicture, JobError> {
+pub fn picture(isp: &NamedIsp, frame: &RawInput) -> Result<RgbPicture> {
     let values = isp.values(frame.about.gain_ev)?;
     Ok(isp.isp().develop(frame, &values).map_err(DesignError::from)?)
 }
@@ -27,7 +27,7 @@ pub fn frame(
     sensor: &SensorModel,
     (raw, illumination): (&Raw, &LinearImage),
     colour_matrix: Option<Matrix3>,
-) -> Result<RawInput, JobError> {
+) -> Result<RawInput> {
     let mut frame = RawInput::from_raw(raw, sensor).map_err(DesignError::from)?;
     frame.about.shading = Some(Mesh::of_picture(illumination, MESH, MESH));
     frame.about.warp = rig.distortion.as_ref().map(|map| warp(map, &rig.geometry, &rig.window));

@@ -18,7 +18,7 @@ use super::request::{PictureAs, RawAs, Request};
 use super::rig::{CHIP_BITS, Rig};
 use super::shot::Taken;
 use crate::context::Context;
-use crate::error::{JobError, make_folder};
+use crate::error::{JobError, Result, make_folder};
 use crate::results::check_folder;
 
 /// A frame of a simulated camera as values: what `simulate` keeps as files.
@@ -50,7 +50,7 @@ impl Frame {
         camera: &Camera,
         name: &str,
         taken: Taken,
-    ) -> Result<(Self, Option<String>), JobError> {
+    ) -> Result<(Self, Option<String>)> {
         let body = camera.body();
         let (sensor, white_e) = (body.sensor.clone(), body.exposure.white_e);
         let saturation = Saturation::of(request, &sensor, white_e, saturated_share(&taken.raw, &sensor))?;
@@ -86,12 +86,7 @@ impl Frame {
     }
 
     /// Writes the raw frame, its calibration and its pictures into a folder, as `simulate` does; returns facts about them.
-    pub fn write(
-        &self,
-        formats: (RawAs, PictureAs),
-        folder: &Path,
-        context: &Context,
-    ) -> Result<Facts, JobError> {
+    pub fn write(&self, formats: (RawAs, PictureAs), folder: &Path, context: &Context) -> Result<Facts> {
         check_folder(folder, output::names(formats, &self.name, self.by_isp.is_some()), context)?;
         make_folder(folder)?;
         let by_chip = self.by_isp.as_ref().map(|picture| picture_png_bytes(picture, CHIP_BITS));

@@ -5,7 +5,7 @@ use petzval_camera::sensor::SensorModel;
 use petzval_design::error::DesignError;
 
 use super::request::{Request, is_over_spectrum};
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 
 /// Default white, as a share of the white at which the sensor saturates: half a stop below.
 const DEFAULT_SHARE: f64 = 0.7;
@@ -17,14 +17,14 @@ const DIGITS: i32 = 2;
 const WARNED_SHARE: f64 = 1e-3;
 
 /// Electrons of white by default.
-pub fn default_white_e(request: &Request, sensor: &SensorModel) -> Result<f32, JobError> {
+pub fn default_white_e(request: &Request, sensor: &SensorModel) -> Result<f32> {
     let share_e = DEFAULT_SHARE * capacity_e(request, sensor)?;
     Ok((share_e / place(share_e)).round() as f32 * place(share_e) as f32)
 }
 
 /// Electrons of white with which the first colour saturates. Refuses an exposure in which the dark current leaves no room
 /// for light.
-pub fn capacity_e(request: &Request, sensor: &SensorModel) -> Result<f64, JobError> {
+pub fn capacity_e(request: &Request, sensor: &SensorModel) -> Result<f64> {
     let capacity_e = white_capacity_e(sensor, f64::from(request.time_s), f64::from(request.gain));
     let capacity_e = capacity_e.map_err(DesignError::from)?;
     if capacity_e > 0.0 {
@@ -62,7 +62,7 @@ pub struct Saturation {
 
 impl Saturation {
     /// The saturation of a shot with the share `share` of saturated pixels, if white gives `white_e` electrons.
-    pub fn of(request: &Request, sensor: &SensorModel, white_e: f32, share: f64) -> Result<Self, JobError> {
+    pub fn of(request: &Request, sensor: &SensorModel, white_e: f32, share: f64) -> Result<Self> {
         Ok(Self { highest: capacity_e(request, sensor)? / f64::from(white_e), share })
     }
 

@@ -10,7 +10,7 @@ use petzval_files::load_image;
 
 use super::request::{Kind, Request, kind};
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::event::WarningKind;
 use crate::pixels::{check_picture, check_psfs};
 
@@ -25,7 +25,7 @@ pub struct InMemory<'a> {
 
 impl<'a> InMemory<'a> {
     /// Refuses what is no picture or no bank of PSFs, and what the request does not use.
-    pub(super) fn check(&self, request: &Request) -> Result<(), JobError> {
+    pub(super) fn check(&self, request: &Request) -> Result<()> {
         for (name, photo) in self.photos {
             check_picture(photo, name)?;
             if !request.images.iter().any(|image| image == Path::new(name)) {
@@ -48,11 +48,7 @@ impl<'a> InMemory<'a> {
     }
 
     /// The light of a photograph in memory or in a file; warns of statements of the file that are ignored.
-    pub(super) fn photograph(
-        &self,
-        path: &Path,
-        context: &Context,
-    ) -> Result<Cow<'a, LinearImage>, JobError> {
+    pub(super) fn photograph(&self, path: &Path, context: &Context) -> Result<Cow<'a, LinearImage>> {
         if let Some((_, photo)) = self.photos.iter().find(|(name, _)| path == Path::new(name)) {
             return Ok(Cow::Borrowed(*photo));
         }

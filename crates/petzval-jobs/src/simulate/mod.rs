@@ -21,7 +21,7 @@ use self::rig::check_numbers;
 use self::shot::Each;
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::results::check_folder;
 
 pub use frame::Frame;
@@ -39,12 +39,12 @@ pub struct Response {
 }
 
 /// Takes and develops all images; writes nothing.
-pub fn frames(request: &Request, context: &Context) -> Result<Vec<Frame>, JobError> {
+pub fn frames(request: &Request, context: &Context) -> Result<Vec<Frame>> {
     frames_of(request, InMemory::default(), context)
 }
 
 /// [`frames`], with photographs and PSFs in memory in place of files.
-pub fn frames_of(request: &Request, memory: InMemory<'_>, context: &Context) -> Result<Vec<Frame>, JobError> {
+pub fn frames_of(request: &Request, memory: InMemory<'_>, context: &Context) -> Result<Vec<Frame>> {
     check_numbers(request)?;
     memory.check(request)?;
     let mut frames = Vec::new();
@@ -57,14 +57,11 @@ pub fn frames_of(request: &Request, memory: InMemory<'_>, context: &Context) -> 
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    seed: Some(|request, seed| request.seed = seed),
-    place: Some(|request, folder| request.out = folder.to_owned()),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit::seeded(|request, seed| request.seed = seed, |request, folder| request.out = folder.to_owned());
 
 /// Takes and develops all images, and writes raw frames and pictures.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     check_numbers(request)?;
     // Results are named by their image: two of one name would overwrite each other.
     let mut names = std::collections::BTreeSet::new();
@@ -90,7 +87,7 @@ fn take(
     memory: InMemory<'_>,
     context: &Context,
     each: &mut Each<'_>,
-) -> Result<Vec<Facts>, JobError> {
+) -> Result<Vec<Facts>> {
     if is_over_spectrum(request) {
         spectral::run(request, memory, context, each)
     } else {

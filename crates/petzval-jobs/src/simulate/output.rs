@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 
 use super::request::{PictureAs, RawAs};
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 
 /// Facts about what was written of one image, by name; see the command's manual.
 pub type Facts = serde_json::Map<String, Value>;
@@ -75,7 +75,7 @@ pub fn write(
     sensor: &SensorModel,
     (developed, display_white): (&LinearImage, f32),
     more: &More,
-) -> Result<Facts, JobError> {
+) -> Result<Facts> {
     let format = file_format(raw_format, sensor.bits);
     let (save, white): (SavePicture, _) = match picture_format {
         PictureAs::Png => (save_png, display_white),
@@ -162,7 +162,7 @@ fn not_written(path: &Path, error: &std::io::Error) -> JobError {
 struct Unfinished(PartFolder);
 
 impl Unfinished {
-    fn new(folder: &Path, name: &str) -> Result<Self, JobError> {
+    fn new(folder: &Path, name: &str) -> Result<Self> {
         PartFolder::beside(&folder.join(name)).map(Self).map_err(|error| not_written(folder, &error))
     }
 

@@ -13,7 +13,7 @@ use super::request::{Place, Request, result_name};
 use super::rig::{Rig, check_not_stopped, check_numbers};
 use super::shot::{Each, Taken, noise, placed};
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::Result;
 use crate::event::WarningKind;
 
 /// A camera for photographs in three colours that is opened once: its PSFs are traced for the first of them.
@@ -28,13 +28,13 @@ type Photos<'a> = [(String, Cow<'a, LinearImage>)];
 
 impl Photographer {
     /// Opens the camera of a request, whose images and seed do not matter.
-    pub fn open(request: &Request, memory: InMemory<'_>, context: &Context) -> Result<Self, JobError> {
+    pub fn open(request: &Request, memory: InMemory<'_>, context: &Context) -> Result<Self> {
         check_numbers(request)?;
         memory.check(request)?;
         Self::traced(request, memory, context)
     }
 
-    fn traced(request: &Request, memory: InMemory<'_>, context: &Context) -> Result<Self, JobError> {
+    fn traced(request: &Request, memory: InMemory<'_>, context: &Context) -> Result<Self> {
         let rig = Rig::new(request, memory.psfs, context)?;
         let white_e = match request.white_e {
             Some(white_e) => white_e,
@@ -56,12 +56,7 @@ impl Photographer {
     }
 
     /// Takes the photographs of a request that it fits; writes nothing.
-    pub fn frames(
-        &self,
-        request: &Request,
-        memory: InMemory<'_>,
-        context: &Context,
-    ) -> Result<Vec<Frame>, JobError> {
+    pub fn frames(&self, request: &Request, memory: InMemory<'_>, context: &Context) -> Result<Vec<Frame>> {
         memory.check(request)?;
         let mut frames = Vec::new();
         self.take(request, &photos(request, memory, context)?, context, &mut |rig, camera, name, taken| {
@@ -79,7 +74,7 @@ impl Photographer {
         photos: &Photos<'_>,
         context: &Context,
         each: &mut Each<'_>,
-    ) -> Result<Vec<Facts>, JobError> {
+    ) -> Result<Vec<Facts>> {
         let Self { rig, camera, .. } = self;
         warn_of_small_pictures(request, rig, photos, context);
         let mut written = Vec::new();
@@ -120,7 +115,7 @@ pub fn run(
     memory: InMemory<'_>,
     context: &Context,
     each: &mut Each<'_>,
-) -> Result<Vec<Facts>, JobError> {
+) -> Result<Vec<Facts>> {
     // Every image is read before anything is taken.
     let photos = photos(request, memory, context)?;
     Photographer::traced(request, memory, context)?.take(request, &photos, context, each)
@@ -143,7 +138,7 @@ fn photos<'a>(
     request: &Request,
     memory: InMemory<'a>,
     context: &Context,
-) -> Result<Vec<(String, Cow<'a, LinearImage>)>, JobError> {
+) -> Result<Vec<(String, Cow<'a, LinearImage>)>> {
     request.images.iter().map(|path| Ok((result_name(path), memory.photograph(path, context)?))).collect()
 }
 

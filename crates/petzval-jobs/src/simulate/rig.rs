@@ -23,7 +23,7 @@ use petzval_optics::psf::PerfectImage;
 use super::highlights::capacity_e;
 use super::request::Request;
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::event::WarningKind;
 use crate::given_psfs;
 use crate::lens::focus::focus_elsewhere;
@@ -89,7 +89,7 @@ pub(super) fn coarse_patches(
 
 impl Rig {
     /// The rig of a request, with PSFs in place of those of its lens if there are any; every setting is checked before a lens is traced.
-    pub fn new(request: &Request, in_memory: Option<&PsfBank>, context: &Context) -> Result<Self, JobError> {
+    pub fn new(request: &Request, in_memory: Option<&PsfBank>, context: &Context) -> Result<Self> {
         let sensor = request.sensor.read(&context.assets)?;
         if sensor.height.saturating_mul(sensor.width) > MOST_PIXELS {
             return Err(JobError::input(
@@ -261,12 +261,12 @@ impl Rig {
 }
 
 /// Ends a cancelled job between two pictures; those that were taken before stay.
-pub fn check_not_stopped(taken: usize, request: &Request, context: &Context) -> Result<(), JobError> {
+pub fn check_not_stopped(taken: usize, request: &Request, context: &Context) -> Result<()> {
     context.check(|| format!("stopped after {taken} of {} pictures", request.images.len()))
 }
 
 /// Refuses numbers outside their ranges.
-pub fn check_numbers(request: &Request) -> Result<(), JobError> {
+pub fn check_numbers(request: &Request) -> Result<()> {
     check_ranges(request)?;
     check_ranges(&request.spectral)?;
     let Some(restore) = &request.restore else { return Ok(()) };
@@ -280,7 +280,7 @@ pub fn check_numbers(request: &Request) -> Result<(), JobError> {
 }
 
 /// The pixels that are read: all, or those of --size in the middle.
-fn window(request: &Request, sensor: &SensorModel) -> Result<Window, JobError> {
+fn window(request: &Request, sensor: &SensorModel) -> Result<Window> {
     let whole = (sensor.height, sensor.width);
     let (height, width) = request.size.unwrap_or(whole);
     let tile = (sensor.cfa.rows(), sensor.cfa.cols());
@@ -295,7 +295,7 @@ fn window(request: &Request, sensor: &SensorModel) -> Result<Window, JobError> {
 
 /// Takes and develops one dark tile of the filter array, so that settings which the sensor refuses are refused before a lens is
 /// traced and a folder is made.
-fn rehearse(request: &Request, sensor: &SensorModel) -> Result<(), JobError> {
+fn rehearse(request: &Request, sensor: &SensorModel) -> Result<()> {
     let side = |tile: usize, whole: usize| tile.max(2).min(whole);
     let (height, width) = (side(sensor.cfa.rows(), sensor.height), side(sensor.cfa.cols(), sensor.width));
     let exposure = Exposure { white_e: 1.0, time_s: request.time_s, linear_gain: request.gain };

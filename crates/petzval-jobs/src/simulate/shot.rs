@@ -10,7 +10,7 @@ use petzval_design::error::DesignError;
 use super::output::Facts;
 use super::request::Request;
 use super::rig::Rig;
-use crate::error::JobError;
+use crate::error::Result;
 
 /// Rows above and below a strip that are exposed and developed with it. No demosaicing reads as far; it is a multiple of every filter array.
 const SURROUND_ROWS: usize = 32;
@@ -42,7 +42,7 @@ pub struct Taken {
 }
 
 /// What happens to each frame: called with what took it and with the name of its image, returns facts about it and a warning.
-pub type Each<'a> = dyn FnMut(&Rig, &Camera, &str, Taken) -> Result<(Facts, Option<String>), JobError> + 'a;
+pub type Each<'a> = dyn FnMut(&Rig, &Camera, &str, Taken) -> Result<(Facts, Option<String>)> + 'a;
 
 impl Taken {
     /// The first frame of a camera's shots, copied from the device. Its picture is the restored one where the camera restores.

@@ -25,7 +25,7 @@ use super::request::{Kind, Request, kind, result_name, scene_name};
 use super::rig::{Rig, check_not_stopped, check_numbers};
 use super::shot::{Each, Taken, placed};
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::event::WarningKind;
 
 /// Takes all images, and gives each to `each`.
@@ -34,7 +34,7 @@ pub fn run(
     memory: InMemory<'_>,
     context: &Context,
     each: &mut Each<'_>,
-) -> Result<Vec<Facts>, JobError> {
+) -> Result<Vec<Facts>> {
     check(request)?;
     let mut rig = Rig::new(request, memory.psfs, context)?;
     let mut conditions = Conditions::new(request, &mut rig, context)?;
@@ -145,7 +145,7 @@ pub fn scene_frame(
     request: &Request,
     draw: impl FnOnce(usize, usize) -> ReflectanceScene,
     context: &Context,
-) -> Result<SceneFrame, JobError> {
+) -> Result<SceneFrame> {
     check_numbers(request)?;
     let mut rig = Rig::new(request, None, context)?;
     let mut conditions = Conditions::new(request, &mut rig, context)?;
@@ -173,7 +173,7 @@ pub fn scene_frame(
 }
 
 /// Options that fit neither a run over the spectrum nor each other.
-fn check(request: &Request) -> Result<(), JobError> {
+fn check(request: &Request) -> Result<()> {
     for name in request.images.iter().filter_map(|path| scene_name(path)) {
         scene(name)?;
     }
@@ -209,7 +209,7 @@ fn check(request: &Request) -> Result<(), JobError> {
 }
 
 /// The built-in scene of a name.
-fn scene(name: &str) -> Result<SceneKind, JobError> {
+fn scene(name: &str) -> Result<SceneKind> {
     SceneKind::named(name).ok_or_else(|| {
         let known = SceneKind::ALL.map(SceneKind::name).join(", scene:");
         JobError::input(format!("no scene called `{name}`"), format!("there are scene:{known}"))
@@ -229,8 +229,8 @@ fn open<'a>(
     conditions: &Conditions,
     rig: &Rig,
     shared: &Light,
-    photograph: &dyn Fn(&Path) -> Result<Cow<'a, LinearImage>, JobError>,
-) -> Result<(Opened, Option<Light>), JobError> {
+    photograph: &dyn Fn(&Path) -> Result<Cow<'a, LinearImage>>,
+) -> Result<(Opened, Option<Light>)> {
     let (illuminant, lux, band_um) = (&conditions.illuminant, conditions.lux, &shared.band_um);
     if let Some(name) = scene_name(path) {
         let drawn = scene(name)?.draw(rig.sensor.height * rig.samples, rig.sensor.width * rig.samples);

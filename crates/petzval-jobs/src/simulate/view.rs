@@ -32,7 +32,7 @@ use super::request::scene_name;
 use super::rig::{coarse_patches, coarse_pupil};
 use super::shot::noise;
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::event::WarningKind;
 use crate::input::{LensInput, SensorInput};
 use crate::lens::edit::{Edit, edited};
@@ -166,7 +166,7 @@ struct Kept {
 }
 
 /// Takes and develops the window.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     check_ranges(request)?;
     if let (None, Some(set)) = (&request.isp, request.set.first()) {
         let message = "there is no ISP whose parameter it could be";
@@ -248,7 +248,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 }
 
 /// Two numbers.
-fn pair<T: Copy + std::fmt::Debug>(key: &'static str, values: &[T]) -> Result<[T; 2], JobError> {
+fn pair<T: Copy + std::fmt::Debug>(key: &'static str, values: &[T]) -> Result<[T; 2]> {
     let wrong =
         |_| JobError::setting(key, format!("{values:?}"), "two numbers are needed", "give two numbers");
     values.try_into().map_err(wrong)
@@ -260,7 +260,7 @@ fn corner_mm(sensor: &SensorModel) -> f64 {
 }
 
 /// The sensor, or its pixels in an array of the same shape whose corner lies at the edge of the image circle.
-fn arrayed(sensor: &SensorModel, lens: &Lens, array: &[usize]) -> Result<SensorModel, JobError> {
+fn arrayed(sensor: &SensorModel, lens: &Lens, array: &[usize]) -> Result<SensorModel> {
     if !array.is_empty() {
         let [height, width] = pair("array", array)?;
         return Ok(SensorModel { height, width, ..sensor.clone() });
@@ -293,12 +293,7 @@ fn window_at([x, y]: [f64; 2], [rows, columns]: [usize; 2], sensor: &SensorModel
 }
 
 /// The camera of few fields, rays and patches.
-fn quick_camera(
-    psf: &PsfConfig,
-    lens: &Lens,
-    sensor: &SensorModel,
-    exposure: Exposure,
-) -> Result<Kept, JobError> {
+fn quick_camera(psf: &PsfConfig, lens: &Lens, sensor: &SensorModel, exposure: Exposure) -> Result<Kept> {
     let grid = (psf.grid as f64 / QUICK_PITCH) as usize;
     let psf = PsfConfig { pitch_um: QUICK_PITCH * psf.pitch_um, grid, ..psf.clone() };
     let plan = psf.plan(sensor, QUICK_CELLS)?.with_fields(QUICK_FIELDS);
@@ -316,7 +311,7 @@ fn exact_camera(
     sensor: &SensorModel,
     exposure: Exposure,
     context: &Context,
-) -> Result<Kept, JobError> {
+) -> Result<Kept> {
     let plan = psf.plan(sensor, psf.scoring_pupil_cells)?.with_fields(psf.scoring_fields);
     let plan = PsfPlan { perfect_image: PerfectImage::AiryDisk, ..plan };
     let (plan, error) = plan.converged(lens, psf.scoring_pupil_error)?;
@@ -342,7 +337,7 @@ fn kept(
     exposure: Exposure,
     (fields, cells): (usize, usize),
     warnings: Vec<(WarningKind, String)>,
-) -> Result<Kept, JobError> {
+) -> Result<Kept> {
     let body = Body {
         sensor: sensor.clone(),
         geometry,
@@ -364,7 +359,7 @@ fn scene(
     border: usize,
     sensor: &SensorModel,
     context: &Context,
-) -> Result<(LinearImage, f64), JobError> {
+) -> Result<(LinearImage, f64)> {
     let (height, width) = (window.height + 2 * border, window.width + 2 * border);
     if let Some(scene) = scene_name(Path::new(name)) {
         let key = format!("scene {name} {} {}", window.height, window.width);
@@ -397,7 +392,7 @@ fn scene(
 }
 
 /// A photograph by built-in name or by path.
-fn loaded(name: &str, context: &Context) -> Result<Picture, JobError> {
+fn loaded(name: &str, context: &Context) -> Result<Picture> {
     let built_in = || context.assets.bytes(&format!("photos/{name}.png")).ok();
     let picture = if !Path::new(name).exists()
         && let Some(bytes) = built_in()
@@ -410,7 +405,7 @@ fn loaded(name: &str, context: &Context) -> Result<Picture, JobError> {
 }
 
 /// A built-in scene of matt surfaces in daylight, in linear light.
-fn drawn(name: &str, height: usize, width: usize) -> Result<LinearImage, JobError> {
+fn drawn(name: &str, height: usize, width: usize) -> Result<LinearImage> {
     let kind = SceneKind::named(name).ok_or_else(|| {
         let known = SceneKind::ALL.map(SceneKind::name).join(", scene:");
         JobError::setting(
@@ -459,7 +454,7 @@ fn by_isp(
     (raw, illumination): (&Raw, &LinearImage),
     sensor: &SensorModel,
     context: &Context,
-) -> Result<Vec<u8>, JobError> {
+) -> Result<Vec<u8>> {
     if !sensor.cfa.is_bayer() {
         let message = format!("the ISP needs a Bayer array, not {}", sensor.cfa);
         return Err(JobError::setting("isp", name, message, "name another sensor, or leave the ISP out"));

@@ -3,13 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use petzval_base::write_whole;
 use petzval_design::error::DesignError;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::error::{JobError, json, make_folder};
+use crate::error::{JobError, Result, json, make_folder, write_file};
 
 /// Steps between two records of the losses, and between two states from which training can continue.
 const RECORD_EVERY: usize = 50;
@@ -65,7 +64,7 @@ pub(super) trait Training {
     type Losses: Copy + Serialize;
 
     /// Takes a step.
-    fn step(&mut self, step: usize) -> Result<Self::Losses, JobError>;
+    fn step(&mut self, step: usize) -> Result<Self::Losses>;
 
     /// The mean of the losses of steps, of which there is at least one.
     fn mean(losses: &[Self::Losses]) -> Self::Losses;
@@ -74,7 +73,7 @@ pub(super) trait Training {
     fn words(losses: &Self::Losses) -> String;
 
     /// Weights and optimiser.
-    fn state(&self) -> Result<[Vec<u8>; 2], JobError>;
+    fn state(&self) -> Result<[Vec<u8>; 2]>;
 }
 
 /// Goes on until the last step or until the job is cancelled.
@@ -84,7 +83,7 @@ pub(super) fn train<T: Training, P: Serialize, I: Serialize>(
     folder: &TrainingFolder,
     kept: &mut Kept<P, I, T::Losses>,
     context: &Context,
-) -> Result<(), JobError> {
+) -> Result<()> {
     let mut clock = Instant::now();
     while kept.step < steps {
         match training.step(kept.step) {
@@ -121,7 +120,7 @@ pub(super) struct TrainingFolder(pub(super) PathBuf);
 
 impl TrainingFolder {
     /// Makes the folder; refuses one that already holds a training.
-    pub fn create(root: &Path) -> Result<Self, JobError> {
+    pub fn create(root: &Path) -> Result<Self> {
         let folder = Self(root.to_owned());
         if folder.training().exists() {
             let hint = "continue it with --resume, or choose another folder";
@@ -142,7 +141,7 @@ impl TrainingFolder {
     }
 
     /// Reads the training in a folder.
-    pub fn open<K: DeserializeOwned>(root: &Path) -> Result<(Self, K), JobError> {
+    pub fn open<K: DeserializeOwned>(root: &Path) -> Result<(Self, K)> {
         let folder = Self(root.to_owned());
         let path = folder.training();
         let wrong = |message: String| {
@@ -175,22 +174,22 @@ impl TrainingFolder {
     }
 
     /// Weights and optimiser after a step.
-    pub fn state(&self, step: usize) -> Result<[Vec<u8>; 2], JobError> {
+    pub fn state(&self, step: usize) -> Result<[Vec<u8>; 2]> {
         let [weights, optimizer] = self.parts(step);
         let read = |path: PathBuf| petzval_base::read_whole(&path).map_err(DesignError::io(&path));
         Ok([read(weights)?, read(optimizer)?])
     }
 
     /// Keeps a state. The record comes last and names the files by its step, so that a folder always holds one whole state.
-    fn keep(&self, kept: &impl Serialize, step: usize, state: &[Vec<u8>; 2]) -> Result<(), JobError> {
+    fn keep(&self, kept: &impl Serialize, step: usize, state: &[Vec<u8>; 2]) -> Result<()> {
         for (path, bytes) in self.parts(step).iter().zip(state) {
-            write_whole(path, bytes).map_err(DesignError::io(path))?;
+            write_file(path, bytes)?;
         }
-        write_whole(&self.training(), json(kept)?.as_bytes()).map_err(DesignError::io(&self.training()))?;
+        write_file(&self.training(), json(kept)?)?;
         self.remove_states_but(step)
     }
 
-    fn remove_states_but(&self, step: usize) -> Result<(), JobError> {
+    fn remove_states_but(&self, step: usize) -> Result<()> {
         let kept = self.parts(step);
         for entry in std::fs::read_dir(&self.0).map_err(DesignError::io(&self.0))? {
             let path = entry.map_err(DesignError::io(&self.0))?.path();
@@ -211,14 +210,14 @@ impl TrainingFolder {
         others: &[(&str, &str)],
         description: &impl Serialize,
         context: &Context,
-    ) -> Result<(), JobError> {
+    ) -> Result<()> {
         let text = toml::to_string(description).map_err(|e| JobError::failed(e.to_string()))?;
         let others = others.iter().map(|(name, text)| (self.0.join(name), text.as_bytes()));
         let weights = [(self.0.join(WEIGHTS), weights), (self.0.join(SAFETENSORS), safetensors)];
         let first = weights.into_iter().chain([(self.page(), page.as_bytes())]);
         let last = (self.description(), text.as_bytes());
         for (path, bytes) in first.chain(others).chain([last]) {
-            write_whole(&path, bytes).map_err(DesignError::io(&path))?;
+            write_file(&path, bytes)?;
             context.wrote(&path, if path == self.page() { "page" } else { "network" });
         }
         Ok(())

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::folder::{Kept, TrainingFolder};
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 
 /// A training that begins, or one that is continued.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -50,7 +50,7 @@ impl<P> Request<P> {
 
 impl<P: Clone + DeserializeOwned> Request<P> {
     /// The plan; of a training that is continued the one in its folder.
-    pub(super) fn plan(&self) -> Result<P, JobError> {
+    pub(super) fn plan(&self) -> Result<P> {
         #[derive(Deserialize)]
         struct Planned<P> {
             plan: P,
@@ -66,12 +66,7 @@ impl<P: Clone + DeserializeOwned> Request<P> {
 
     /// The folder of the training and what is kept in it. `inputs` is what the names in the plan stand for: a training goes on only from
     /// the inputs with which it began, which are `what` in words.
-    pub(super) fn open<I, L>(
-        &self,
-        plan: P,
-        inputs: I,
-        what: &str,
-    ) -> Result<(TrainingFolder, Kept<P, I, L>), JobError>
+    pub(super) fn open<I, L>(&self, plan: P, inputs: I, what: &str) -> Result<(TrainingFolder, Kept<P, I, L>)>
     where
         I: PartialEq + DeserializeOwned,
         L: DeserializeOwned,
@@ -103,7 +98,7 @@ pub(super) fn stopped<P: Serialize>(
 }
 
 /// A name, made an absolute path if it is that of a file, so that a training can be resumed from any folder.
-pub(super) fn located(name: &str) -> Result<String, JobError> {
+pub(super) fn located(name: &str) -> Result<String> {
     let path = Path::new(name);
     if !path.is_file() {
         return Ok(name.to_owned());

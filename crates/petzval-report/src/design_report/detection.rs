@@ -84,10 +84,8 @@ fn front(report: &Report, view: &DetectionView) -> Markup {
 }
 
 /// A difference with its range below it.
-fn difference(range: Option<Range>) -> Markup {
-    let Some(range) = range else { return html! { "–" } };
-    let found = Found::difference(range);
-    html! { (found.value) @if let Some([low, high]) = found.ends { span.delta { (low) " … " (high) } } }
+pub(super) fn difference(range: Option<Range>) -> Markup {
+    range.map_or_else(|| html! { "–" }, |range| Found::difference(range).shown())
 }
 
 fn classes(view: &DetectionView) -> BTreeSet<&str> {
@@ -103,9 +101,7 @@ fn by_group(report: &Report, view: &DetectionView) -> Markup {
         }
     }
     let cell = |group: Option<&GroupFigure>| {
-        let Some(group) = group else { return html! { "–" } };
-        let found = Found::figure(group.value, group.range);
-        html! { (found.value) @if let Some([low, high]) = found.ends { span.delta { (low) " … " (high) } } }
+        group.map_or_else(|| html! { "–" }, |group| Found::figure(group.value, group.range).shown())
     };
     let row = |(i, camera): (usize, &CameraDetection)| {
         let cells = names.iter().map(|name| cell(camera.groups.iter().find(|g| g.name == **name)));
@@ -131,9 +127,8 @@ fn precision_recall(report: &Report, view: &DetectionView, class: &str) -> Chart
         x_axis: format!("recall, {class}"),
         y_axis: "precision".to_owned(),
         series: view.cameras.iter().enumerate().filter_map(series).collect(),
-        marks: Vec::new(),
-        smooth: false,
         axes: Axes::Shares,
+        ..Chart::default()
     }
 }
 

@@ -1,5 +1,7 @@
 //! The answer where objects are looked for in all pictures.
 
+use maud::{Markup, html};
+
 use super::answer_view::Answer;
 use super::view::{CameraDetection, DetectionView, Range, Report};
 use crate::number;
@@ -34,6 +36,14 @@ impl Found {
         let known = range.and_then(|[low, high]| number::decimals_of((high - low) / (2.0 * 1.96)));
         let decimals = known.map_or(DECIMALS, |known| (known.max(0) as usize).min(DECIMALS));
         Self { value: text(value, decimals), ends: range.map(|ends| ends.map(|end| text(end, decimals))) }
+    }
+
+    /// The figure with its range below it.
+    pub fn shown(&self) -> Markup {
+        html! {
+            (self.value)
+            @if let Some([low, high]) = &self.ends { span.delta { (low) " … " (high) } }
+        }
     }
 
     /// The range in brackets; nothing where there is none.

@@ -7,7 +7,7 @@ use super::view::Report;
 use crate::number;
 use crate::page::{caption, figure};
 use crate::palette::{self, INK, LIMIT};
-use crate::plot::{Axes, Chart, Mark, Series, chart_svg};
+use crate::plot::{Chart, Mark, Series, chart_svg};
 
 /// Fields this near to each other are one, degrees.
 const SAME_FIELD_DEG: f64 = 1e-6;
@@ -70,8 +70,7 @@ fn chart(report: &Report, field_deg: f64) -> Chart {
             colour: LIMIT.into(),
             at: report.nyquist_per_mm,
         }],
-        smooth: false,
-        axes: Axes::FromZero,
+        ..Chart::default()
     }
 }
 

@@ -187,9 +187,7 @@ pub(crate) fn over_the_field(report: &Report) -> Markup {
             x_axis: "field angle, degrees".into(),
             y_axis: y_axis.into(),
             series: series.collect(),
-            marks: Vec::new(),
-            smooth: false,
-            axes: Axes::FromZero,
+            ..Chart::default()
         }))
     };
     html! {

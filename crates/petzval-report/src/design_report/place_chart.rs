@@ -119,8 +119,6 @@ fn chart(report: &Report, standing: &Standing) -> Sheet {
     let (body, height) = grid(&[panel], 1, WIDTH_PX, FIELD_PX);
     Sheet {
         class: "place-chart",
-        title: String::new(),
-        remark: String::new(),
         keys,
         alt: format!(
             "{} of each camera less that of {}, from the axis to the corner",
@@ -130,7 +128,7 @@ fn chart(report: &Report, standing: &Standing) -> Sheet {
         width: WIDTH_PX,
         height,
         body,
-        foot: Vec::new(),
+        ..Sheet::default()
     }
 }
 

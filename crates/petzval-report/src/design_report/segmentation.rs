@@ -3,6 +3,7 @@
 use image::{ImageFormat, Rgb, RgbImage};
 use maud::{Markup, html};
 
+use super::detection::difference;
 use super::found_answer::Found;
 use super::view::{Range, TaskSection};
 use crate::page::caption;
@@ -125,14 +126,7 @@ fn absent_in_words(view: &SegmentationView) -> String {
 /// A row a camera, a column a class.
 fn by_class(view: &SegmentationView) -> Markup {
     let cell = |figure: &Option<SegmentFigure>| {
-        let Some(figure) = figure else { return html! { "–" } };
-        let found = Found::figure(figure.value, figure.range);
-        html! { (found.value) @if let Some([low, high]) = found.ends { span.delta { (low) " … " (high) } } }
-    };
-    let difference = |range: Option<Range>| {
-        let Some(range) = range else { return html! { "–" } };
-        let found = Found::difference(range);
-        html! { (found.value) @if let Some([low, high]) = found.ends { span.delta { (low) " … " (high) } } }
+        figure.map_or_else(|| html! { "–" }, |figure| Found::figure(figure.value, figure.range).shown())
     };
     let row = |camera: &CameraSegments| {
         let front = [cell(&camera.mean_iou), difference(camera.against_baseline), cell(&camera.accuracy)];

@@ -36,12 +36,11 @@ pub(super) fn seidel(analysis: &Analysis) -> Sheet {
         class: "seidel",
         title: "Seidel sums".into(),
         remark: "Third-order theory does not cover thin lenses and diffractive power.".into(),
-        keys: Vec::new(),
         alt: format!("Seidel sums of {} by surface", analysis.name),
         width: WIDTH_PX,
         height: 20.0,
-        body: html! {},
         foot: foot(analysis),
+        ..Sheet::default()
     };
     let Some(order) = &analysis.third_order else { return blank };
     let groups = order.surfaces.len() + 1;

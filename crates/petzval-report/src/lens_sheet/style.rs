@@ -128,12 +128,11 @@ pub(super) fn without_curves(analysis: &Analysis, class: &'static str, title: &s
         class,
         title: title.into(),
         remark: "The lens has only one field: there are no curves over the field.".into(),
-        keys: Vec::new(),
         alt: format!("{title} of {}: there is only one field", analysis.name),
         width: WIDTH_PX,
         height: 20.0,
-        body: maud::html! {},
         foot: foot(analysis),
+        ..Sheet::default()
     }
 }
 

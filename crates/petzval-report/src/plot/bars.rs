@@ -91,14 +91,12 @@ pub fn bars_svg(chart: &BarChart) -> String {
     let key = |key: &BarKey| Key { line: KeyLine::Fill(key.colour.clone()), name: key.name.clone() };
     Sheet {
         class: "chart",
-        title: String::new(),
-        remark: String::new(),
         keys: chart.keys.iter().map(key).collect(),
         alt: chart.alt.clone(),
         width: WIDTH_PX,
         height: ABOVE_PX + height + BELOW_PX,
         body: html! { (frame.draw_around(Names { head: "", x: &chart.axis, y: "" }, bars)) (names) },
-        foot: Vec::new(),
+        ..Sheet::default()
     }
     .svg()
 }

@@ -48,7 +48,7 @@ pub struct Mark {
 }
 
 /// Curves over one pair of axes.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Chart {
     /// Description of the picture for readers who cannot see it.
     pub alt: String,
@@ -67,11 +67,12 @@ pub struct Chart {
 }
 
 /// What the axes of a chart span. The horizontal one spans the data and the marks, unless something else is said.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Axes {
     /// The vertical one the data; it is logarithmic where they span more than a decade.
     OfData,
     /// The vertical one from zero to the data.
+    #[default]
     FromZero,
     /// Both from 0 to 1, whatever the data span, so that charts can be compared by eye.
     Shares,
@@ -103,14 +104,12 @@ pub fn chart_svg(chart: &Chart) -> String {
     let keys = series.iter().filter(|s| !s.name.is_empty()).map(|s| Key::pen(line(s), s.name.clone()));
     Sheet {
         class: "chart",
-        title: String::new(),
-        remark: String::new(),
         keys: keys.chain(marks.iter().map(|mark| Key::pen(upright(mark), mark.name.clone()))).collect(),
         alt: chart.alt.clone(),
         width: WIDTH_PX,
         height: ABOVE_PX + FIELD_PX + BELOW_PX,
         body: frame.draw(Names { head: "", x: &chart.x_axis, y: &chart.y_axis }, &curves),
-        foot: Vec::new(),
+        ..Sheet::default()
     }
     .svg()
 }

@@ -13,7 +13,7 @@ pub(crate) const WIDTH_PX: f64 = 908.0;
 const MARGIN_PX: f64 = 18.0;
 
 /// A picture.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Sheet {
     /// Kind of the picture: the class of the SVG.
     pub class: &'static str,
@@ -69,13 +69,10 @@ impl Sheet {
 pub(super) fn without_data(alt: &str, width: f64) -> Sheet {
     Sheet {
         class: "chart",
-        title: String::new(),
-        remark: String::new(),
         keys: vec![Key::remark("no data")],
         alt: alt.into(),
         width,
         height: 20.0,
-        body: html! {},
-        foot: Vec::new(),
+        ..Sheet::default()
     }
 }

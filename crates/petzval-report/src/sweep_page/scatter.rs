@@ -53,8 +53,6 @@ impl Scatter {
         };
         Sheet {
             class: "scatter",
-            title: String::new(),
-            remark: String::new(),
             keys: self
                 .groups
                 .iter()
@@ -66,7 +64,7 @@ impl Scatter {
             width: WIDTH_PX,
             height,
             body,
-            foot: Vec::new(),
+            ..Sheet::default()
         }
         .svg()
     }

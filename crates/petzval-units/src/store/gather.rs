@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use petzval_jobs::lens::tolerance::{self, Part};
-use petzval_jobs::{Context, JobError};
+use petzval_jobs::{Context, JobError, Result};
 use serde_json::Value;
 
 use super::Store;
@@ -36,7 +36,7 @@ pub fn gather_tolerances(
     store: &Store,
     context: &Context,
     out: Option<&Path>,
-) -> Result<Vec<Joined>, JobError> {
+) -> Result<Vec<Joined>> {
     let digests = Digests::default();
     let mut groups: Vec<Group> = Vec::new();
     for unit in units.iter().filter(|unit| unit.call.job == JOB) {
@@ -91,7 +91,7 @@ pub fn parts_of(trials: usize, parts: usize) -> Vec<Part> {
     (0..parts).map(|i| Part { from: bound(i), to: bound(i + 1) }).filter(|part| part.from < part.to).collect()
 }
 
-fn read<T: serde::de::DeserializeOwned>(value: Value) -> Result<T, JobError> {
+fn read<T: serde::de::DeserializeOwned>(value: Value) -> Result<T> {
     serde_json::from_value(value).map_err(|e| JobError::failed(format!("{JOB}: {e}")))
 }
 

@@ -6,7 +6,7 @@ use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant, SystemTime};
 
 use petzval_base::counted;
-use petzval_jobs::{Call, Context, ErrorReport, Fault, JobError, Stopped, WarningKind};
+use petzval_jobs::{Call, Context, ErrorReport, Fault, JobError, Result, Stopped, WarningKind};
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
@@ -88,12 +88,7 @@ const CLOCK_JUMP_S: f64 = 60.0;
 ///
 /// Fails if the unit cannot be run at all (its request, version or instruction set), or if the store cannot be read or written. A job that
 /// fails is no error: [`Outcome::Failed`].
-pub fn run_unit(
-    unit: &Unit,
-    store: &Store,
-    context: &Context,
-    options: RunOptions,
-) -> Result<Outcome, JobError> {
+pub fn run_unit(unit: &Unit, store: &Store, context: &Context, options: RunOptions) -> Result<Outcome> {
     check(unit)?;
     let prepared = Prepared::new(unit, context, &Digests::default())?;
     run_prepared(&prepared, store, context, options, &mut Seen::default())
@@ -109,7 +104,7 @@ pub fn run_all(
     open: impl FnOnce() -> Result<Store, StoreError>,
     context: &Context,
     options: RunOptions,
-) -> Result<Summary, JobError> {
+) -> Result<Summary> {
     let (mut summary, mut seen) = (Summary::default(), Seen::default());
     let (digests, mut prepared) = (Digests::default(), Vec::new());
     for unit in units {
@@ -156,7 +151,7 @@ pub fn run_all(
 }
 
 /// Fails if this process would give another result than the unit says.
-fn check(unit: &Unit) -> Result<(), JobError> {
+fn check(unit: &Unit) -> Result<()> {
     unit.check_version()?;
     unit.check_level()
 }
@@ -176,7 +171,7 @@ pub(crate) fn run_prepared(
     context: &Context,
     options: RunOptions,
     seen: &mut Seen,
-) -> Result<Outcome, JobError> {
+) -> Result<Outcome> {
     let attempt = match store.begin(prepared, Holder::own(), options.retries, seen)? {
         Begun::Mine(attempt) => attempt,
         Begun::Done(result) => return Ok(Outcome::There(result)),
@@ -236,12 +231,7 @@ fn never_ends(attempt: &Attempt) -> JobError {
 }
 
 /// How a unit ends whose job has no response.
-fn ended_without(
-    attempt: Attempt,
-    error: JobError,
-    prepared: &Prepared,
-    store: &Store,
-) -> Result<Outcome, JobError> {
+fn ended_without(attempt: Attempt, error: JobError, prepared: &Prepared, store: &Store) -> Result<Outcome> {
     // The files of this attempt were removed once another one had finished.
     if let Some(result) = store.result(&prepared.key)? {
         return Ok(Outcome::There(Box::new(result)));
@@ -279,7 +269,7 @@ enum Beginning {
 }
 
 /// Takes over the newest folder of an earlier attempt from which the job can go on.
-fn checkpoint(attempt: &Attempt) -> Result<Place, JobError> {
+fn checkpoint(attempt: &Attempt) -> Result<Place> {
     let (prepared, folder) = (attempt.prepared(), attempt.folder());
     let row = prepared.row()?;
     attempt.clear()?;
@@ -294,13 +284,7 @@ fn checkpoint(attempt: &Attempt) -> Result<Place, JobError> {
 }
 
 /// Does the job of an attempt, from a checkpoint where there is one that can be read.
-fn work(
-    place: &Place,
-    prepared: &Prepared,
-    store: &Store,
-    context: &Context,
-    log: &Log,
-) -> Result<Value, JobError> {
+fn work(place: &Place, prepared: &Prepared, store: &Store, context: &Context, log: &Log) -> Result<Value> {
     let row = prepared.row()?;
     let folder = place.folder.as_path();
     let fresh = || row.kept_in(prepared.request.clone(), folder);
@@ -354,8 +338,8 @@ fn relative(response: Value, folder: &Path) -> Value {
 fn kept_alive<T>(
     attempt: Attempt,
     context: &Context,
-    work: impl FnOnce() -> Result<T, JobError>,
-) -> (Attempt, Result<T, JobError>) {
+    work: impl FnOnce() -> Result<T>,
+) -> (Attempt, Result<T>) {
     let (end, ended) = channel::<()>();
     let mut attempt = attempt;
     let made = std::thread::scope(|scope| {

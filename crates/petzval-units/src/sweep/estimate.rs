@@ -8,7 +8,7 @@ use cpu_time::ProcessTime;
 use petzval_design::experiment::{BlockName, Experiment};
 use petzval_design::run::read_events;
 use petzval_jobs::design::{self, Changes, Request, Run};
-use petzval_jobs::{Context, JobError, Stopped};
+use petzval_jobs::{Context, JobError, Result, Stopped};
 use serde_json::Value;
 
 use super::kept::KeptSweep;
@@ -39,12 +39,7 @@ pub struct Estimate {
 ///
 /// Units of the sweep that the store has a result of give the mean. Otherwise the first unit is made with a few network steps in a folder of its own, which
 /// takes a minute or two; every unit then costs by its own number of steps. A key that makes single steps longer, such as `training.batch`, is not seen.
-pub fn estimate(
-    plan: &Plan,
-    kept: &KeptSweep,
-    store: &Path,
-    context: &Context,
-) -> Result<Option<Estimate>, JobError> {
+pub fn estimate(plan: &Plan, kept: &KeptSweep, store: &Path, context: &Context) -> Result<Option<Estimate>> {
     let mut costs = Vec::new();
     if store.join(STORE).is_file() {
         let store_there = Store::open(store)?;
@@ -117,7 +112,7 @@ impl Timed {
 }
 
 /// Makes a unit with a few steps and times its parts.
-fn timed(request: &Value, context: &Context) -> Result<Timed, JobError> {
+fn timed(request: &Value, context: &Context) -> Result<Timed> {
     let folder = tempfile::tempdir()
         .map_err(|e| JobError::failed(format!("a folder for the unit that is timed: {e}")))?;
     let request: Request =
@@ -156,7 +151,7 @@ fn timed(request: &Value, context: &Context) -> Result<Timed, JobError> {
 }
 
 /// The experiment that the request of a unit holds.
-fn experiment_of(request: &Value, context: &Context) -> Result<Experiment, JobError> {
+fn experiment_of(request: &Value, context: &Context) -> Result<Experiment> {
     let text = request["run"]["new"]["experiment"]["toml"].as_str().unwrap_or_default();
     context.assets.tasks().parse(text).map_err(|e| JobError::failed(e.to_string()))
 }

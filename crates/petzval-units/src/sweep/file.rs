@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use petzval_base::FileError;
-use petzval_jobs::JobError;
+use petzval_jobs::{JobError, Result};
 use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize};
 
@@ -111,7 +111,7 @@ pub struct Source {
 
 impl Source {
     /// Reads a sweep. Errors name the file, line, key, value and a hint.
-    pub fn read(path: &Path) -> Result<Self, JobError> {
+    pub fn read(path: &Path) -> Result<Self> {
         let text = petzval_base::read_text(path).map_err(|e| {
             JobError::input(format!("{}: {e}", path.display()), "give the file of a sweep, in TOML")
         })?;

@@ -4,7 +4,7 @@ use std::fs::{File, create_dir_all};
 use std::path::{Path, PathBuf};
 
 use petzval_base::write_whole;
-use petzval_jobs::JobError;
+use petzval_jobs::{JobError, Result};
 use petzval_report::sweep_page::{SweepView, page};
 
 use super::gather::Gathered;
@@ -15,7 +15,7 @@ use super::script::{Engine, Submission};
 pub const RESULTS: [&str; 3] = ["table.csv", "units.csv", "sweep.html"];
 
 /// Writes the scripts of all schedulers into the folder of a store.
-pub fn keep_scripts(submission: &Submission, root: &Path) -> Result<(), JobError> {
+pub fn keep_scripts(submission: &Submission, root: &Path) -> Result<()> {
     for engine in [Engine::Slurm, Engine::Hq, Engine::Ray] {
         let path = root.join(engine.file());
         write_whole(&path, engine.script(submission).as_bytes()).map_err(failed(&path))?;
@@ -24,7 +24,7 @@ pub fn keep_scripts(submission: &Submission, root: &Path) -> Result<(), JobError
 }
 
 /// The log of a process that works on a sweep on this machine, by its place among them; an earlier one is overwritten.
-pub fn log_of(root: &Path, place: usize) -> Result<File, JobError> {
+pub fn log_of(root: &Path, place: usize) -> Result<File> {
     let path = logs_folder(root).join(format!("here-{place}.log"));
     File::create(&path).map_err(failed(&path))
 }
@@ -35,7 +35,7 @@ pub fn keep_results(
     view: &SweepView,
     folder: &Path,
     keeps: bool,
-) -> Result<Vec<PathBuf>, JobError> {
+) -> Result<Vec<PathBuf>> {
     let paths: Vec<PathBuf> = RESULTS.iter().map(|name| folder.join(name)).collect();
     if let Some(there) = paths.iter().find(|path| keeps && path.exists()) {
         return Err(JobError::input(

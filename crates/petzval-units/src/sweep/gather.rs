@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use petzval_base::{Cancel, csv_number, csv_text};
 use petzval_design::run::Metrics;
-use petzval_jobs::JobError;
+use petzval_jobs::{JobError, Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -104,12 +104,7 @@ pub struct Gathered {
 }
 
 /// Gathers the results of the units that are finished. `cancel` ends it between two of them.
-pub fn gather(
-    sweep: &KeptSweep,
-    root: &Path,
-    status: SweepStatus,
-    cancel: &Cancel,
-) -> Result<Gathered, JobError> {
+pub fn gather(sweep: &KeptSweep, root: &Path, status: SweepStatus, cancel: &Cancel) -> Result<Gathered> {
     let store = Store::open(root)?;
     let mut figures: Vec<FigureColumn> = Vec::new();
     let mut found: Vec<(UnitResult, BTreeMap<String, f64>)> = Vec::new();

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use petzval_base::{nearest, write_whole};
-use petzval_jobs::{Context, JobError, json};
+use petzval_jobs::{Context, JobError, Result, json};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -68,7 +68,7 @@ pub struct KeptUnit {
 }
 
 /// Names the units of a plan, and their keys. Fails if a unit cannot be run, or if two would run the same.
-pub fn keyed(plan: &Plan, source: &Source, context: &Context) -> Result<(KeptSweep, UnitFile), JobError> {
+pub fn keyed(plan: &Plan, source: &Source, context: &Context) -> Result<(KeptSweep, UnitFile)> {
     let digests = Digests::default();
     let mut known: HashMap<Key, &str> = HashMap::new();
     let (mut kept, mut units) = (Vec::new(), Vec::new());
@@ -113,7 +113,7 @@ pub fn keyed(plan: &Plan, source: &Source, context: &Context) -> Result<(KeptSwe
 
 impl KeptSweep {
     /// Keeps the sweep in a store, which is made if it is not there. Results that the store has of the same units count.
-    pub fn keep(&self, units: &UnitFile, source: &Source, root: &Path) -> Result<Store, JobError> {
+    pub fn keep(&self, units: &UnitFile, source: &Source, root: &Path) -> Result<Store> {
         let store = Store::open_or_new(root)?;
         let root = store.root();
         let write = |name: &str, text: &str| {
@@ -139,7 +139,7 @@ impl KeptSweep {
     }
 
     /// Reads the sweep of a store.
-    pub fn read(root: &Path) -> Result<Self, JobError> {
+    pub fn read(root: &Path) -> Result<Self> {
         let path = root.join(SWEEP);
         if !Self::is_in(root) {
             let message = format!("{}: no sweep is kept here: there is no {SWEEP}", root.display());
@@ -165,7 +165,7 @@ impl KeptSweep {
     }
 
     /// The unit of a name. The error names one that comes near.
-    pub fn named(&self, name: &str) -> Result<&KeptUnit, JobError> {
+    pub fn named(&self, name: &str) -> Result<&KeptUnit> {
         self.units.iter().find(|unit| unit.name == name).ok_or_else(|| {
             let names: Vec<&str> = self.units.iter().map(|unit| unit.name.as_str()).collect();
             let hint = match nearest(name, &names) {

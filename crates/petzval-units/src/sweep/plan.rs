@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
 use petzval_jobs::design::{Changes, NewRun, Request, Run, Settings, VariantNames};
-use petzval_jobs::{Call, Context, DEVICES, ExperimentInput, JobError, design, row};
+use petzval_jobs::{Call, Context, DEVICES, ExperimentInput, JobError, Result, design, row};
 use serde_json::{Map, Value};
 
 use super::expand::{Expansion, by_key, expand, leaves_of};
@@ -51,7 +51,7 @@ pub struct Plan {
 /// Makes the units of a sweep and checks each. Nothing is run or written.
 ///
 /// The first unit that cannot run is an error that names it, with file, line, key, value and a hint. Two units that would run the same are refused.
-pub fn plan(source: &Source, context: &Context) -> Result<Plan, JobError> {
+pub fn plan(source: &Source, context: &Context) -> Result<Plan> {
     let file = &source.file;
     let expansion = expand(file, &source.text).map_err(|error| in_file(&source.path, error))?;
     let job = match (&file.experiment, &file.job) {
@@ -110,7 +110,7 @@ pub fn plan(source: &Source, context: &Context) -> Result<Plan, JobError> {
 }
 
 /// Refuses what only an experiment has.
-fn check_is_of_a_job(source: &Source, job: &str) -> Result<(), JobError> {
+fn check_is_of_a_job(source: &Source, job: &str) -> Result<()> {
     let file = &source.file;
     let of_experiments = [
         ("set", !file.set.is_empty()),
@@ -150,7 +150,7 @@ impl Unresolved<'_> {
     }
 
     /// A design with the complete experiment in its request: what becomes of its file later changes no unit.
-    fn design(&self, context: &Context) -> Result<Call, JobError> {
+    fn design(&self, context: &Context) -> Result<Call> {
         let file = &self.source.file;
         let combination = &self.expansion.combinations[self.place];
         let mut set: Settings = leaves_of(&file.set, "set")
@@ -193,7 +193,7 @@ impl Unresolved<'_> {
     }
 
     /// A job with its values in the base request.
-    fn job(&self, job: &str, context: &Context) -> Result<Call, JobError> {
+    fn job(&self, job: &str, context: &Context) -> Result<Call> {
         let file = &self.source.file;
         let mut request = serde_json::to_value(&file.request).map_err(|e| JobError::failed(e.to_string()))?;
         located(&mut request, self.source);

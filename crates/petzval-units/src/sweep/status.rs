@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use petzval_base::Cancel;
-use petzval_jobs::{ErrorReport, JobError};
+use petzval_jobs::{ErrorReport, Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -68,12 +68,7 @@ impl SweepStatus {
 /// How the units of a sweep stand, as this process sees it. `seen` holds what earlier looks have seen: without it no claim of another machine is stale.
 ///
 /// Each unit costs reads of a file system that may be slow: `cancel` ends the look between two of them.
-pub fn status(
-    sweep: &KeptSweep,
-    root: &Path,
-    seen: &mut Seen,
-    cancel: &Cancel,
-) -> Result<SweepStatus, JobError> {
+pub fn status(sweep: &KeptSweep, root: &Path, seen: &mut Seen, cancel: &Cancel) -> Result<SweepStatus> {
     let store = Store::open(root)?;
     let mut units = Vec::with_capacity(sweep.units.len());
     for unit in &sweep.units {

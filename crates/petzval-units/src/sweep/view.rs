@@ -4,7 +4,7 @@ use std::path::Path;
 
 use petzval_base::nearest;
 use petzval_design::run::picture_names::file_name;
-use petzval_jobs::JobError;
+use petzval_jobs::{JobError, Result};
 use petzval_report::sweep_page::{
     FailedUnit, Scatter, ScatterGroup, SweepFigure, SweepPicture, SweepRow, SweepView,
 };
@@ -34,7 +34,7 @@ pub struct Choice {
 /// The page of what was gathered. `again` is the command that runs a failed unit, without its name.
 ///
 /// Fails on a figure or a key that the sweep does not have, or one whose values are no numbers.
-pub fn view(gathered: &Gathered, choice: &Choice, again: &str) -> Result<SweepView, JobError> {
+pub fn view(gathered: &Gathered, choice: &Choice, again: &str) -> Result<SweepView> {
     let shown = shown_figures(gathered, &choice.figures)?;
     let figures = shown.iter().map(|k| {
         let FigureColumn { title, unit, .. } = &gathered.figures[*k];
@@ -73,7 +73,7 @@ pub fn view(gathered: &Gathered, choice: &Choice, again: &str) -> Result<SweepVi
 }
 
 /// Places of the figures that the table shows.
-fn shown_figures(gathered: &Gathered, named: &[String]) -> Result<Vec<usize>, JobError> {
+fn shown_figures(gathered: &Gathered, named: &[String]) -> Result<Vec<usize>> {
     if named.is_empty() {
         let has_decimals = |k: &usize| gathered.figures[*k].decimals.is_some();
         let described: Vec<usize> = (0..gathered.figures.len()).filter(has_decimals).collect();
@@ -84,7 +84,7 @@ fn shown_figures(gathered: &Gathered, named: &[String]) -> Result<Vec<usize>, Jo
 }
 
 /// The place of a figure by its name, or by the last part of its name where that is of one figure alone. The error names those that there are.
-fn figure(gathered: &Gathered, name: &str, setting: &'static str) -> Result<usize, JobError> {
+fn figure(gathered: &Gathered, name: &str, setting: &'static str) -> Result<usize> {
     let names: Vec<&str> = gathered.figures.iter().map(|figure| figure.name.as_str()).collect();
     let last = |known: &&'_ str| known.rsplit('.').next().unwrap_or_default().to_owned();
     let by_last: Vec<usize> = (0..names.len()).filter(|k| last(&names[*k]) == name).collect();
@@ -144,7 +144,7 @@ enum Quantity {
 }
 
 impl Quantity {
-    fn of(gathered: &Gathered, name: &str, setting: &'static str) -> Result<Self, JobError> {
+    fn of(gathered: &Gathered, name: &str, setting: &'static str) -> Result<Self> {
         let Some(key) = gathered.keys.iter().position(|key| key == name) else {
             return figure(gathered, name, setting).map(Self::Figure);
         };
@@ -175,7 +175,7 @@ impl Quantity {
 }
 
 /// Two quantities against each other; none where no unit has both.
-fn scatter(gathered: &Gathered, choice: &Choice, shown: &[usize]) -> Result<Option<Scatter>, JobError> {
+fn scatter(gathered: &Gathered, choice: &Choice, shown: &[usize]) -> Result<Option<Scatter>> {
     let with_numbers = (0..gathered.keys.len()).find(|key| {
         let values = || gathered.units.iter().map(|unit| unit.values[*key].as_f64());
         values().all(|value| value.is_some()) && values().any(|value| value != values().next().flatten())

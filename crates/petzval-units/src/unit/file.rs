@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use petzval_base::{FileError, write_whole};
-use petzval_jobs::JobError;
+use petzval_jobs::{JobError, Result};
 
 use super::Unit;
 
@@ -20,7 +20,7 @@ pub type UnitFileError = FileError;
 
 impl UnitFile {
     /// Reads a file. The error names the file, the line and the key.
-    pub fn read(path: &Path) -> Result<Self, JobError> {
+    pub fn read(path: &Path) -> Result<Self> {
         let text = petzval_base::read_text(path).map_err(|e| {
             JobError::input(
                 format!("{}: {e}", path.display()),
@@ -62,7 +62,7 @@ impl UnitFile {
     }
 
     /// The text of the file.
-    pub fn text(&self) -> Result<String, JobError> {
+    pub fn text(&self) -> Result<String> {
         let mut text = String::new();
         for unit in &self.units {
             text += &serde_json::to_string(unit).map_err(|e| JobError::failed(e.to_string()))?;
@@ -72,14 +72,14 @@ impl UnitFile {
     }
 
     /// Writes the file, wholly or not at all.
-    pub fn write(&self, path: &Path) -> Result<(), JobError> {
+    pub fn write(&self, path: &Path) -> Result<()> {
         write_whole(path, self.text()?.as_bytes()).map_err(|e| {
             JobError::system(format!("{}: {e}", path.display()), &e, "give a place that can be written")
         })
     }
 
     /// The units of these names, in the order of the file. The error names one that is not there, and one that comes near.
-    pub fn named(&self, path: &Path, names: &[String]) -> Result<Vec<&Unit>, JobError> {
+    pub fn named(&self, path: &Path, names: &[String]) -> Result<Vec<&Unit>> {
         let known: Vec<&str> = self.units.iter().map(|unit| unit.name.as_str()).collect();
         for name in names {
             if !known.contains(&name.as_str()) {
@@ -94,7 +94,7 @@ impl UnitFile {
 }
 
 /// As [`UnitFile::read`].
-pub fn read_units(path: &Path) -> Result<UnitFile, JobError> {
+pub fn read_units(path: &Path) -> Result<UnitFile> {
     UnitFile::read(path)
 }
 

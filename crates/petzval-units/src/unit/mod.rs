@@ -8,7 +8,7 @@ mod prepared;
 mod shard;
 
 use petzval_base::simd::{level, widest};
-use petzval_jobs::{Call, JobError};
+use petzval_jobs::{Call, JobError, Result};
 use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -71,7 +71,7 @@ impl Unit {
     }
 
     /// Fails if this program has another version than the unit.
-    pub fn check_version(&self) -> Result<(), JobError> {
+    pub fn check_version(&self) -> Result<()> {
         if self.version == PROGRAM {
             return Ok(());
         }
@@ -85,7 +85,7 @@ impl Unit {
     }
 
     /// The value of `PETZVAL_SIMD` with which a process computes as the unit says. Fails if there is no such instruction set.
-    pub fn simd_variable(&self) -> Result<&'static str, JobError> {
+    pub fn simd_variable(&self) -> Result<&'static str> {
         match self.simd.as_str() {
             "avx2" => Ok("avx2"),
             "scalar" => Ok("scalar"),
@@ -98,7 +98,7 @@ impl Unit {
     }
 
     /// Fails if this process computes with another instruction set than the unit.
-    pub fn check_level(&self) -> Result<(), JobError> {
+    pub fn check_level(&self) -> Result<()> {
         let variable = self.simd_variable()?;
         if self.simd == level() {
             return Ok(());

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use petzval_jobs::{CALL_FORMAT, Context, JobError, Row, row};
+use petzval_jobs::{CALL_FORMAT, Context, JobError, Result, Row, row};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
@@ -36,7 +36,7 @@ impl Prepared {
     ///
     /// Fails if the call is of another form, if the request does not fit its schema, or if a seed is given and the job draws nothing at random. Fails
     /// if an input cannot be read, or if the unit has a key and it is another one.
-    pub fn new(unit: &Unit, context: &Context, digests: &Digests) -> Result<Self, JobError> {
+    pub fn new(unit: &Unit, context: &Context, digests: &Digests) -> Result<Self> {
         let named = |error: JobError| match error {
             JobError::Input { message, hint } => {
                 JobError::input(format!("unit \"{}\": {message}", unit.name), hint)
@@ -46,7 +46,7 @@ impl Prepared {
         Self::of(unit, context, digests).map_err(named)
     }
 
-    fn of(unit: &Unit, context: &Context, digests: &Digests) -> Result<Self, JobError> {
+    fn of(unit: &Unit, context: &Context, digests: &Digests) -> Result<Self> {
         // The key has no place for it: a later form would be taken for this one.
         if unit.call.format != CALL_FORMAT {
             let message = format!("`call.format` is {}, which is not known", unit.call.format);
@@ -80,7 +80,7 @@ impl Prepared {
     }
 
     /// The row of its job.
-    pub fn row(&self) -> Result<&'static Row, JobError> {
+    pub fn row(&self) -> Result<&'static Row> {
         row(&self.unit.call.job)
     }
 }
@@ -96,7 +96,7 @@ fn changed(inputs: &[InputDigest]) -> JobError {
 }
 
 /// The request with every default, the seed of the unit, and nowhere to write to.
-fn complete(unit: &Unit, row: &Row) -> Result<Value, JobError> {
+fn complete(unit: &Unit, row: &Row) -> Result<Value> {
     let request = row.filled_in(unit.call.request.clone())?;
     let request = match unit.seed {
         None => request,
@@ -116,7 +116,7 @@ struct Inputs<'a> {
 
 impl Inputs<'_> {
     /// A request, in which texts that `is_input` takes for paths stand for what is there. So it is in a file of TOML that stands in it.
-    fn by_content(&mut self, of: &Value, is_input: fn(&str) -> bool) -> Result<Value, JobError> {
+    fn by_content(&mut self, of: &Value, is_input: fn(&str) -> bool) -> Result<Value> {
         Ok(match of {
             Value::String(text) if is_input(text) => self.add(Path::new(text))?.into(),
             Value::String(text) if text.contains('\n') => match toml::from_str(text) {
@@ -125,18 +125,18 @@ impl Inputs<'_> {
             },
             Value::Array(items) => {
                 let items = items.iter().map(|item| self.by_content(item, is_input));
-                Value::Array(items.collect::<Result<_, _>>()?)
+                Value::Array(items.collect::<Result<_>>()?)
             }
             Value::Object(keys) => {
                 let by_content =
                     |(key, value): (&String, &Value)| Ok((key.clone(), self.by_content(value, is_input)?));
-                Value::Object(keys.iter().map(by_content).collect::<Result<_, JobError>>()?)
+                Value::Object(keys.iter().map(by_content).collect::<Result<_>>()?)
             }
             other => other.clone(),
         })
     }
 
-    fn add(&mut self, path: &Path) -> Result<String, JobError> {
+    fn add(&mut self, path: &Path) -> Result<String> {
         let digest = self.digests.of(path).map_err(|e| {
             JobError::input(format!("{}: {e}", path.display()), "an input of a unit has to be readable")
         })?;

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use petzval_jobs::JobError;
+use petzval_jobs::{JobError, Result};
 
 /// The units whose place in the file, from 0, leaves `index` when it is divided by `count`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,7 +68,7 @@ impl ShardSource {
 pub fn shard_of_environment(
     variable: impl Fn(&str) -> Option<String>,
     units: usize,
-) -> Result<Option<(Shard, ShardSource)>, JobError> {
+) -> Result<Option<(Shard, ShardSource)>> {
     let number = |name: &str| match variable(name) {
         None => Ok(None),
         Some(text) => match text.trim().parse::<u64>() {

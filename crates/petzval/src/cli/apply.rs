@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 
 use crate::cli::code::Code;
-use crate::jobs::apply::{self, Request};
+use crate::jobs::apply::{self, Place, Request};
 
+use super::choice::choice;
 use super::defaults::word;
 use super::failure::Failure;
 use super::plain::shown;
 use super::signals;
-use super::simulate::Place;
 use super::terminal::{Terminal, print_json};
 
 /// Take pictures of your own with the cameras of a finished run: whole frames through lens, sensor, development and network.
@@ -33,7 +33,7 @@ pub struct Args {
     #[arg(long, value_name = "PATH")]
     psfs: Option<PathBuf>,
     /// How a photograph lands on the sensor
-    #[arg(long, value_enum, default_value = word(Request::default().place))]
+    #[arg(long, value_parser = choice::<Place>(), default_value = word(Request::default().place))]
     place: Place,
     /// Seed of the noise
     #[arg(long, default_value_t = Request::default().seed)]
@@ -59,7 +59,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         images: args.images,
         cameras: args.camera,
         psfs: args.psfs,
-        place: args.place.into(),
+        place: args.place,
         seed: args.seed,
         out: args.out,
         device: args.device,

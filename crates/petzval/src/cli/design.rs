@@ -7,6 +7,7 @@ use crate::cli::code::Code;
 use crate::jobs::design::{self, FITTED};
 use crate::jobs::{JobError, experiment, settings_of};
 
+use super::choice::choice;
 use super::defaults::word;
 use super::failure::Failure;
 use super::first_look;
@@ -85,18 +86,11 @@ pub struct Args {
     json: bool,
     /// Write losses, scores and figures of the lens after every step in a further form, too: event files of TensorBoard, a folder for each
     /// variant below RUN/tensorboard, and the same numbers as RUN/scalars.csv. A run that has them goes on with them
-    #[arg(long, value_name = "FORM", value_enum)]
-    log: Option<LogForm>,
+    #[arg(long, value_name = "FORM", value_parser = choice::<design::LogForm>())]
+    log: Option<design::LogForm>,
     /// Device for tensors; `petzval doctor` lists them
     #[arg(long, default_value = word(design::Request::default().device))]
     device: String,
-}
-
-/// A further form of the curves of a run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-enum LogForm {
-    /// Event files of TensorBoard, and comma-separated values
-    Tensorboard,
 }
 
 /// Runs the verb.
@@ -137,8 +131,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     if let (true, design::Run::New(new)) = (args.check, &run) {
         return first_look::print(&design::look(new, &args.device, &context)?, args.json);
     }
-    let log = args.log.map(|LogForm::Tensorboard| design::LogForm::Tensorboard).into_iter().collect();
-    let request = design::Request { run, device: args.device, log };
+    let request = design::Request { run, device: args.device, log: args.log.into_iter().collect() };
     let design::Response { metrics, report, sentences, .. } = match design::run(&request, &context) {
         Ok(response) => response,
         Err(JobError::Stopped(stopped)) if stopped.resume.is_some() => {

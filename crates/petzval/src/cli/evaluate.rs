@@ -8,12 +8,13 @@ use crate::jobs::evaluate::{
 };
 
 use crate::base::counted;
+use crate::jobs::psf::PsfKind;
 
+use super::choice::choice;
 use super::defaults::word;
 use super::failure::Failure;
 use super::number::figure;
 use super::plain::shown;
-use super::psf::Kind;
 use super::score_table;
 use super::signals;
 use super::terminal::{Terminal, print_json};
@@ -39,8 +40,8 @@ pub struct Args {
     #[arg(long, value_name = "NAME")]
     accept_changed: Vec<String>,
     /// Take PSFs by rays (geometric) or by waves (diffraction), in place of those of the run
-    #[arg(long, value_enum, value_name = "KIND", hide_possible_values = true, conflicts_with = "tolerances")]
-    psf: Option<Kind>,
+    #[arg(long, value_parser = choice::<PsfKind>(), value_name = "KIND", hide_possible_values = true, conflicts_with = "tolerances")]
+    psf: Option<PsfKind>,
     /// Take these PSFs in place of those of each camera's lens: a folder that psf or psf-calibrate wrote, or its psf.json. They form the images;
     /// development and restoration know them. Spots and fields of view are those of the lens
     #[arg(long, value_name = "PATH", conflicts_with_all = ["psf", "tolerances"])]
@@ -92,7 +93,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         photos: args.photos,
         data: args.data,
         accept_changed: args.accept_changed,
-        psf: args.psf.map(Into::into),
+        psf: args.psf,
         psfs: args.psfs,
         made,
     };

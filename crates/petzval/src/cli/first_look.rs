@@ -4,6 +4,7 @@ use crate::cli::code::Code;
 use crate::jobs::design::FirstLook;
 
 use super::failure::Failure;
+use super::number::figure;
 use super::terminal::print_json;
 
 /// Prints the look; the exit code says whether a run could give a result.
@@ -27,17 +28,14 @@ pub fn print(look: &FirstLook, as_json: bool) -> Result<Code, Failure> {
         outln!("  the sensor's corner lies {:.2} mm from the axis{circle}", look.corner_mm);
         outln!("\n  image mm   field deg   RMS spot um   pixels   light on the grid   illumination");
         for field in &lens.fields {
-            let number = |value: Option<f64>, decimals: usize| {
-                value.map_or_else(|| "-".to_owned(), |value| format!("{value:.decimals$}"))
-            };
             outln!(
                 "  {:>8.2}   {:>9.2}   {:>11}   {:>6}   {:>15.1} %   {:>12}",
                 field.image_mm,
                 field.field_deg,
-                number(field.rms_spot_um, 2),
-                number(field.rms_spot_um.map(|um| um / look.pixel_um), 2),
+                figure(field.rms_spot_um, 2),
+                figure(field.rms_spot_um.map(|um| um / look.pixel_um), 2),
                 100.0 * field.light_on_grid,
-                number(field.illumination, 3)
+                figure(field.illumination, 3)
             );
         }
         if lens.violated.is_empty() {

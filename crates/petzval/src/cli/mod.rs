@@ -12,6 +12,7 @@ mod output;
 mod apply;
 mod bench;
 mod call;
+mod choice;
 mod code;
 mod compare;
 mod data;

@@ -4,30 +4,12 @@ use std::path::PathBuf;
 
 use crate::cli::code::Code;
 use crate::jobs::psf::{self, PsfKind};
-use clap::ValueEnum;
 
+use super::choice::choice;
 use super::defaults::{numbers, word};
 use super::failure::Failure;
 use super::plain::shown;
 use super::terminal::{Terminal, print_json};
-
-/// Rays or waves.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(super) enum Kind {
-    /// Rays.
-    Geometric,
-    /// Waves.
-    Diffraction,
-}
-
-impl From<Kind> for PsfKind {
-    fn from(kind: Kind) -> Self {
-        match kind {
-            Kind::Geometric => Self::Geometric,
-            Kind::Diffraction => Self::Diffraction,
-        }
-    }
-}
 
 /// Write the PSFs of a lens, per field and wavelength.
 ///
@@ -63,8 +45,8 @@ pub struct Args {
     #[arg(long, default_value_t = psf::Request::default().pupil_error)]
     pupil_error: f64,
     /// Rays, accurate where aberrations spread light over many times the Airy disk, or waves
-    #[arg(long, value_enum, default_value = word(psf::Request::default().kind))]
-    kind: Kind,
+    #[arg(long, value_parser = choice::<PsfKind>(), default_value = word(psf::Request::default().kind))]
+    kind: PsfKind,
     /// Print the axes as JSON
     #[arg(long)]
     json: bool,
@@ -82,7 +64,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         pitch_um: args.pitch_um,
         pupil_cells: args.pupil_cells,
         pupil_error: args.pupil_error,
-        kind: args.kind.into(),
+        kind: args.kind,
     };
     let response = psf::run(&request, &terminal.context())?;
     noteln!("{} fields x 3 wavelengths written to {}", request.fields, shown(&request.out));

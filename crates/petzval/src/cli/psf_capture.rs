@@ -4,33 +4,13 @@ use std::path::{Path, PathBuf};
 
 use crate::base::pasted;
 use crate::cli::code::Code;
-use crate::jobs::psf_capture;
-use clap::ValueEnum;
+use crate::jobs::psf_capture::{self, Axis, Focus};
 
+use super::choice::choice;
 use super::defaults::{numbers, word, words};
 use super::failure::Failure;
 use super::plain::shown;
 use super::terminal::{Terminal, print_json};
-
-/// Focus of the lens.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Focus {
-    /// On the source: the sensor moves as far as the paraxial image.
-    Source,
-    /// As in the lens file, for most lenses at infinity: a near source is then out of focus.
-    File,
-}
-
-/// A direction from the axis.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Axis {
-    /// Along the columns of the sensor, downwards.
-    Vertical,
-    /// Along its rows, to the right.
-    Horizontal,
-    /// To its corner.
-    Diagonal,
-}
 
 /// Simulate captures of a pinhole: frames and their manifest, ready for psf-calibrate.
 ///
@@ -56,7 +36,7 @@ pub struct Args {
     #[arg(long, default_value_t = psf_capture::Request::default().pinhole_um, allow_negative_numbers = true)]
     pinhole_um: f64,
     /// Focus of the lens
-    #[arg(long, value_enum, default_value = word(psf_capture::Request::default().focus))]
+    #[arg(long, value_parser = choice::<Focus>(), default_value = word(psf_capture::Request::default().focus))]
     focus: Focus,
     /// Fields from the axis to --radius-mm
     #[arg(long, default_value_t = psf_capture::Request::default().fields)]
@@ -67,7 +47,7 @@ pub struct Args {
     /// Directions in which the source is moved
     #[arg(
         long,
-        value_enum,
+        value_parser = choice::<Axis>(),
         value_name = "AXIS,AXIS,...",
         value_delimiter = ',',
         default_value = words(&psf_capture::Request::default().axes)
@@ -105,13 +85,10 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         sensor: args.sensor.into(),
         distance_mm: args.distance_mm,
         pinhole_um: args.pinhole_um,
-        focus: match args.focus {
-            Focus::Source => psf_capture::Focus::Source,
-            Focus::File => psf_capture::Focus::File,
-        },
+        focus: args.focus,
         fields: args.fields,
         radius_mm: args.radius_mm,
-        axes: args.axes.into_iter().map(psf_capture::Axis::from).collect(),
+        axes: args.axes,
         exposures_ms: args.exposures_ms,
         frames: args.frames,
         dark_frames: args.dark_frames,
@@ -129,14 +106,4 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         pasted(Path::new(&request.lens.to_string()))
     );
     if args.json { print_json(&response.captures) } else { Ok(Code::SUCCESS) }
-}
-
-impl From<Axis> for psf_capture::Axis {
-    fn from(axis: Axis) -> Self {
-        match axis {
-            Axis::Vertical => Self::Vertical,
-            Axis::Horizontal => Self::Horizontal,
-            Axis::Diagonal => Self::Diagonal,
-        }
-    }
 }

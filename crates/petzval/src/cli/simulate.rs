@@ -3,57 +3,13 @@
 use std::path::PathBuf;
 
 use crate::cli::code::Code;
-use crate::jobs::simulate::{self, Request};
-use clap::ValueEnum;
+use crate::jobs::simulate::{self, Demosaic, Domain, PictureAs, Place, RawAs, Request};
 
+use super::choice::choice;
 use super::defaults::word;
 use super::failure::Failure;
 use super::signals;
 use super::terminal::{Terminal, print_json};
-
-/// Position and scale of a photograph on the sensor.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum Place {
-    /// Scaled to cover the sensor, the rest cut off.
-    Fill,
-    /// One photograph pixel per sensor pixel, or per sample of one, around the axis.
-    Centre,
-}
-
-impl From<Place> for simulate::Place {
-    fn from(place: Place) -> Self {
-        match place {
-            Place::Fill => Self::Fill,
-            Place::Centre => Self::Centre,
-        }
-    }
-}
-
-/// Format of the raw frame.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum RawAs {
-    /// 16-bit gray TIFF.
-    Tiff,
-    /// 16-bit gray PNG.
-    Png,
-    /// `.raw`, packed as MIPI CSI-2 does where the sensor has 8, 10, 12 or 14 bits, else contiguous bits.
-    Packed,
-    /// NumPy array, uint16.
-    Npy,
-}
-
-/// Format of the developed picture.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum PictureAs {
-    /// 8-bit sRGB PNG.
-    Png,
-    /// 16-bit sRGB PNG.
-    Png16,
-    /// OpenEXR, 32-bit floats, linear light.
-    Exr,
-    /// NumPy array, float32 [plane, row, column], linear light.
-    Npy,
-}
 
 /// The light, and the sampling of its spectrum.
 #[derive(Debug, clap::Args)]
@@ -123,7 +79,7 @@ pub struct Args {
     #[arg(long, default_value = word(Request::default().sensor))]
     sensor: String,
     /// Position and scale of a photograph on the sensor
-    #[arg(long, value_enum, default_value = word(Request::default().place))]
+    #[arg(long, value_parser = choice::<Place>(), default_value = word(Request::default().place))]
     place: Place,
     /// Samples of the scene along a side of a pixel, 1 to 8. With K the picture is laid on a frame of K x K samples a pixel. Each pixel
     /// collects the light on its square, so detail finer than a pixel blurs and aliases as in a camera. Time and memory grow with K x K
@@ -131,11 +87,11 @@ pub struct Args {
     #[arg(long, value_name = "K")]
     samples: Option<usize>,
     /// How the two colours that a pixel did not measure are interpolated
-    #[arg(long, value_enum, default_value = word(Request::default().development.demosaic))]
+    #[arg(long, value_parser = choice::<Demosaic>(), default_value = word(Request::default().development.demosaic))]
     demosaic: Demosaic,
     /// Values between which they are interpolated. In the square root of light noise is about equal at every level of light,
     /// and methods that compare neighbours make fewer mistakes
-    #[arg(long, value_enum, default_value = word(Request::default().development.domain))]
+    #[arg(long, value_parser = choice::<Domain>(), default_value = word(Request::default().development.domain))]
     domain: Domain,
     /// Undo the blur of the lens in the developed picture by a Wiener filter with the PSF of every place. NOISE is the power of
     /// noise over that of the picture at a tenth of a cycle per pixel; without it, that of the sensor at this exposure and of demosaicing:
@@ -175,10 +131,10 @@ pub struct Args {
     #[command(flatten)]
     spectral: SpectralArgs,
     /// Format of the raw frame
-    #[arg(long, value_enum, default_value = word(Request::default().raw_format), value_name = "FORMAT")]
+    #[arg(long, value_parser = choice::<RawAs>(), default_value = word(Request::default().raw_format), value_name = "FORMAT")]
     raw_format: RawAs,
     /// Format of the developed picture
-    #[arg(long, value_enum, default_value = word(Request::default().picture_format), value_name = "FORMAT")]
+    #[arg(long, value_parser = choice::<PictureAs>(), default_value = word(Request::default().picture_format), value_name = "FORMAT")]
     picture_format: PictureAs,
     /// Folder for the results
     #[arg(long, value_name = "DIR", default_value = word(Request::default().out))]
@@ -186,28 +142,6 @@ pub struct Args {
     /// Print what was written as JSON
     #[arg(long)]
     json: bool,
-}
-
-/// A method of demosaicing.
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum Demosaic {
-    /// The mean of the nearest pixels of a colour
-    Bilinear,
-    /// Linear filters with the Laplacian of the measured colour (Malvar, He, Cutler 2004)
-    Malvar,
-    /// Ratios along gradients (ratio-corrected demosaicing)
-    Rcd,
-    /// Along the direction in which the colours vary less, refined (Menon, Andriani, Calvagno 2007)
-    Menon,
-}
-
-/// Values between which colours are interpolated.
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum Domain {
-    /// Light
-    Linear,
-    /// The square root of light
-    Stabilised,
 }
 
 /// Runs the verb.
@@ -218,22 +152,11 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         lens: args.lens.into(),
         psfs: args.psfs,
         sensor: args.sensor.into(),
-        place: args.place.into(),
+        place: args.place,
         samples: args.samples,
         restore: args.restore.map(|noise| simulate::Restore { noise }),
         isp: args.isp,
-        development: simulate::Interpolation {
-            demosaic: match args.demosaic {
-                Demosaic::Bilinear => simulate::Demosaic::Bilinear,
-                Demosaic::Malvar => simulate::Demosaic::Malvar,
-                Demosaic::Rcd => simulate::Demosaic::Rcd,
-                Demosaic::Menon => simulate::Demosaic::Menon,
-            },
-            domain: match args.domain {
-                Domain::Linear => simulate::Domain::Linear,
-                Domain::Stabilised => simulate::Domain::Stabilised,
-            },
-        },
+        development: simulate::Interpolation { demosaic: args.demosaic, domain: args.domain },
         white_e: args.white_e,
         size: args.size,
         time_s: args.time_s,
@@ -250,18 +173,8 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
             three_band: over.three_band,
             no_colour_matrix: over.no_colour_matrix,
         },
-        raw_format: match args.raw_format {
-            RawAs::Tiff => simulate::RawAs::Tiff,
-            RawAs::Png => simulate::RawAs::Png,
-            RawAs::Packed => simulate::RawAs::Packed,
-            RawAs::Npy => simulate::RawAs::Npy,
-        },
-        picture_format: match args.picture_format {
-            PictureAs::Png => simulate::PictureAs::Png,
-            PictureAs::Png16 => simulate::PictureAs::Png16,
-            PictureAs::Exr => simulate::PictureAs::Exr,
-            PictureAs::Npy => simulate::PictureAs::Npy,
-        },
+        raw_format: args.raw_format,
+        picture_format: args.picture_format,
         out: args.out,
     };
     let context = terminal.context().with_cancellation(signals::end_on_signal()?);

@@ -13,7 +13,7 @@ use petzval_optics::optimize::{
 use petzval_optics::pupil::PupilSampling;
 
 use super::{OpticsBlock, PENALTY};
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{LensGoal, LensSearch};
 
 /// The cost of a violated requirement, um per mm: so stiff that the requirements are kept to 1e-6 mm.
@@ -48,9 +48,9 @@ impl OpticsBlock {
         goal: LensGoal,
         iterations: usize,
         search: LensSearch,
-        watch: &mut dyn FnMut(BTreeMap<String, f64>) -> Result<(), DesignError>,
+        watch: &mut dyn FnMut(BTreeMap<String, f64>) -> Result<()>,
         stop: &Cancel,
-    ) -> Result<BTreeMap<String, f64>, DesignError> {
+    ) -> Result<BTreeMap<String, f64>> {
         let goes_on = || !stop.is_set();
         let check = || stop.check().map_err(DesignError::from);
         let watch = &mut |losses: BTreeMap<String, f64>| check().and_then(|()| watch(losses));
@@ -125,8 +125,8 @@ impl OpticsBlock {
         goal: LensGoal,
         lens: Lens,
         LensSearch { rounds, seed }: LensSearch,
-        watch: &mut dyn FnMut(BTreeMap<String, f64>) -> Result<(), DesignError>,
-    ) -> Result<Lens, DesignError> {
+        watch: &mut dyn FnMut(BTreeMap<String, f64>) -> Result<()>,
+    ) -> Result<Lens> {
         let problem = self.start.problem(goal, lens.clone(), SOFT_UM_PER_MM);
         let mut search = Search::new(&problem, SearchOptions { seed, ..SearchOptions::default() })?;
         for _ in 0..rounds {

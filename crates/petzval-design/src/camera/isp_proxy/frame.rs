@@ -4,7 +4,7 @@ use petzval_camera::isp::RawInput;
 use petzval_camera::sensor::{Capture, Noise, NoiseMode};
 
 use crate::camera::{Camera, Shot, ideal_input, raw_inputs};
-use crate::error::DesignError;
+use crate::error::Result;
 
 /// A raw frame with its calibration, and what it would be with perfect optics and without noise.
 pub struct Frame {
@@ -15,7 +15,7 @@ pub struct Frame {
 }
 
 /// The raw frames of shots, and those of perfect optics.
-pub fn take(camera: &Camera, shots: &[Shot], seed: u64) -> Result<Vec<Frame>, DesignError> {
+pub fn take(camera: &Camera, shots: &[Shot], seed: u64) -> Result<Vec<Frame>> {
     let frames = camera.take(shots, &Noise { mode: NoiseMode::Exact, seed })?;
     let sensor = &camera.body().sensor;
     let capture = |shot: &Shot| {

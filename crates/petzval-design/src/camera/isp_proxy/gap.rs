@@ -18,7 +18,7 @@ use super::Frame;
 use super::sampling::{beside, far, near};
 use super::trainer::dn_on;
 use crate::camera::to_host;
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 
 /// Half the step of the ISP's difference quotients, as a share of a parameter's range.
 const HALF_STEP: f64 = 0.02;
@@ -85,7 +85,7 @@ pub struct Judge<'a> {
 impl Judge<'_> {
     /// Judges a proxy about `values`, one for each parameter of the ISP. `device` has automatic differentiation. Fails with
     /// [`DesignError::Stopped`] once the flag is set.
-    pub fn gap(&self, proxy: &ProxyIsp, values: &[f64], device: &Device) -> Result<Gap, DesignError> {
+    pub fn gap(&self, proxy: &ProxyIsp, values: &[f64], device: &Device) -> Result<Gap> {
         let centre = proxy.places(values);
         let mut random = ChaCha8Rng::seed_from_u64(SEED);
         let count = self.frames.len();
@@ -95,7 +95,7 @@ impl Judge<'_> {
             far_off.push(far(&centre, &mut random));
         }
         let same = vec![centre.clone(); count];
-        let truth = |frame: &Frame| -> Result<LinearImage, DesignError> {
+        let truth = |frame: &Frame| -> Result<LinearImage> {
             self.cancel.check()?;
             let picture = self.isp.develop(&frame.ideal, values)?;
             let (height, width, data) = (picture.height, picture.width, picture.encoded());
@@ -120,12 +120,7 @@ impl Judge<'_> {
     }
 
     /// What ISP and proxy make of each frame, with parameters of its own.
-    fn pictures(
-        &self,
-        proxy: &ProxyIsp,
-        places: &[Vec<f64>],
-        device: &Device,
-    ) -> Result<Vec<Pictures>, DesignError> {
+    fn pictures(&self, proxy: &ProxyIsp, places: &[Vec<f64>], device: &Device) -> Result<Vec<Pictures>> {
         let both = |(frame, places): (&Frame, &Vec<f64>)| {
             self.cancel.check()?;
             let isp = self.isp.develop(&frame.raw, &proxy.values(places))?.encoded();
@@ -142,7 +137,7 @@ impl Judge<'_> {
         truths: &[LinearImage],
         point: &[f64],
         device: &Device,
-    ) -> Result<Vec<ParameterSlope>, DesignError> {
+    ) -> Result<Vec<ParameterSlope>> {
         let count = self.frames.len() as f64;
         let mut by_proxy = vec![0.0; point.len()];
         for (frame, truth) in self.frames.iter().zip(truths) {
@@ -154,15 +149,14 @@ impl Judge<'_> {
             by_proxy.iter_mut().zip(to_host(by)?).for_each(|(sum, slope)| *sum += f64::from(slope) / count);
         }
         let (isp, frames, cancel) = (self.isp, self.frames, self.cancel);
-        let mean_square_of = |places: &[f64]| -> Result<f64, DesignError> {
+        let mean_square_of = |places: &[f64]| -> Result<f64> {
             let values = proxy.values(places);
             let of = |(frame, truth): (&Frame, &LinearImage)| {
                 cancel.check()?;
                 let picture = isp.develop(&frame.raw, &values)?;
                 Ok(mean_square(&picture.encoded(), &truth.data))
             };
-            let errors: Vec<f64> =
-                frames.par_iter().zip(truths).map(of).collect::<Result<_, DesignError>>()?;
+            let errors: Vec<f64> = frames.par_iter().zip(truths).map(of).collect::<Result<_>>()?;
             Ok(errors.iter().sum::<f64>() / count)
         };
         let mut slopes = Vec::new();
@@ -196,8 +190,8 @@ fn score_gap(
     truths: &[LinearImage],
     device: &Device,
     cancel: &Cancel,
-) -> Result<ScoreGap, DesignError> {
-    let mean = |of: fn(&Pictures) -> &Vec<f32>| -> Result<f64, DesignError> {
+) -> Result<ScoreGap> {
+    let mean = |of: fn(&Pictures) -> &Vec<f32>| -> Result<f64> {
         let mut sum = 0.0;
         for (picture, truth) in pictures.iter().map(of).zip(truths) {
             cancel.check()?;
@@ -217,12 +211,7 @@ fn at(places: &[f64], device: &Device) -> Tensor<2> {
 }
 
 /// What a proxy makes of a frame.
-fn develop(
-    proxy: &ProxyIsp,
-    frame: &Frame,
-    places: Tensor<2>,
-    device: &Device,
-) -> Result<Tensor<4>, DesignError> {
+fn develop(proxy: &ProxyIsp, frame: &Frame, places: Tensor<2>, device: &Device) -> Result<Tensor<4>> {
     Ok(proxy.develop_batch(vec![(dn_on(&frame.raw, device), &frame.raw)], places)?)
 }
 

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Frame;
 use super::sampling::pair;
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::cosine_rate;
 
 /// Learning rate at the start, and its share at the end.
@@ -72,7 +72,7 @@ impl ProxyTrainer {
         values: Vec<f64>,
         training: ProxyTraining,
         device: &Device,
-    ) -> Result<Self, DesignError> {
+    ) -> Result<Self> {
         let ProxyTraining { seed, base_channels, levels, .. } = training;
         let parameters = varied.len() + FRAME_NUMBERS;
         let config = IspProxyConfig { parameters, base_channels, levels, ..IspProxyConfig::default() };
@@ -94,7 +94,7 @@ impl ProxyTrainer {
 
     /// One step on raw frames of one size and what the ISP makes of them. Each is developed with two pairs of neighbouring lists of
     /// parameters, drawn for this step.
-    pub fn step(&mut self, isp: &dyn Isp, step: usize, frames: &[Frame]) -> Result<StepLosses, DesignError> {
+    pub fn step(&mut self, isp: &dyn Isp, step: usize, frames: &[Frame]) -> Result<StepLosses> {
         let pairs: Vec<[Vec<f64>; 2]> = (0..(PAIRS * frames.len()) as u64)
             .map(|item| pair(&self.centre, self.training.seed, step as u64, item))
             .collect();
@@ -140,7 +140,7 @@ impl ProxyTrainer {
     }
 
     /// What the ISP makes of frames, `[batch, 3, height, width]`.
-    fn box_pictures(&self, isp: &dyn Isp, work: &[(&RawInput, &Vec<f64>)]) -> Result<Tensor<4>, DesignError> {
+    fn box_pictures(&self, isp: &dyn Isp, work: &[(&RawInput, &Vec<f64>)]) -> Result<Tensor<4>> {
         let develop = |(raw, places): &(&RawInput, &Vec<f64>)| isp.develop(raw, &self.proxy.values(places));
         let pictures: Vec<RgbPicture> = work.par_iter().map(develop).collect::<Result<_, _>>()?;
         let [height, width] = pictures.first().map_or([0, 0], |p| [p.height, p.width]);
@@ -149,7 +149,7 @@ impl ProxyTrainer {
     }
 
     /// What the proxy makes of them.
-    fn proxy_pictures(&self, work: &[(&RawInput, &Vec<f64>)]) -> Result<Tensor<4>, DesignError> {
+    fn proxy_pictures(&self, work: &[(&RawInput, &Vec<f64>)]) -> Result<Tensor<4>> {
         let frames = work.iter().map(|(raw, _)| (dn_on(raw, &self.device), *raw)).collect();
         let places: Vec<f32> = work.iter().flat_map(|(_, places)| places.iter().map(|v| *v as f32)).collect();
         let places = TensorData::new(places, [work.len(), self.centre.len()]);
@@ -157,7 +157,7 @@ impl ProxyTrainer {
     }
 
     /// Weights and the state of the optimiser, as bytes.
-    pub fn save(&self) -> Result<[Vec<u8>; 2], DesignError> {
+    pub fn save(&self) -> Result<[Vec<u8>; 2]> {
         let optimizer = self.optimizer.into_bytes().map_err(|e| DesignError::Unwritable {
             what: "the optimiser of the proxy",
             problem: e.to_string(),
@@ -166,12 +166,12 @@ impl ProxyTrainer {
     }
 
     /// The weights as a safetensors file.
-    pub fn safetensors(&self) -> Result<Vec<u8>, DesignError> {
+    pub fn safetensors(&self) -> Result<Vec<u8>> {
         Ok(self.proxy.network.to_safetensors()?)
     }
 
     /// Takes over what [`ProxyTrainer::save`] returned.
-    pub fn load(&mut self, [weights, optimizer]: [Vec<u8>; 2]) -> Result<(), DesignError> {
+    pub fn load(&mut self, [weights, optimizer]: [Vec<u8>; 2]) -> Result<()> {
         self.proxy.network = self.proxy.network.clone().load_bytes(weights)?;
         self.optimizer =
             muon_and_adam(&self.proxy.network).from_bytes(Bytes::from_bytes_vec(optimizer)).map_err(|e| {

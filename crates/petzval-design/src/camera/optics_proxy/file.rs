@@ -9,7 +9,7 @@ use petzval_learn::network::OpticsProxyConfig;
 use petzval_optics::design_space::Focus;
 
 use super::proxy::{ProxyDomain, ProxyOptics, Scale};
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::lens::psf_plan::PsfPlan;
 use crate::lens::start::Start;
 
@@ -20,12 +20,7 @@ const TRAIN: &str = "train one for this experiment: `petzval train optics-proxy 
 
 /// Reads the network that a description names, for the lenses of a start and the PSFs of a plan. One that was trained for others is
 /// refused.
-pub fn read_proxy_optics(
-    path: &Path,
-    start: &Start,
-    plan: &PsfPlan,
-    device: &Device,
-) -> Result<ProxyOptics, DesignError> {
+pub fn read_proxy_optics(path: &Path, start: &Start, plan: &PsfPlan, device: &Device) -> Result<ProxyOptics> {
     let text = petzval_base::read_text(path).map_err(DesignError::io(path))?;
     let file = OpticsProxyFile::parse(&text).map_err(DesignError::input(path))?;
     let beside = |name: &str| path.parent().unwrap_or(Path::new("")).join(name);

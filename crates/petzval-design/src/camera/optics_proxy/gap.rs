@@ -9,7 +9,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::proxy::ProxyOptics;
-use crate::error::DesignError;
+use crate::error::Result;
 use crate::lens::psf_plan::{BankWithTape, PsfPlan};
 use crate::lens::sampler::LensSampler;
 
@@ -94,7 +94,7 @@ impl OpticsJudge<'_> {
         &self,
         proxy: &ProxyOptics,
         watch: &dyn Fn(usize) -> Result<(), Cancelled>,
-    ) -> Result<OpticsGap, DesignError> {
+    ) -> Result<OpticsGap> {
         let mut all = Vec::with_capacity(self.lenses);
         for number in 0..self.lenses {
             let (lens, _) = self.sampler.lens(number as u64)?;
@@ -144,7 +144,7 @@ impl OpticsJudge<'_> {
         })
     }
 
-    fn one(&self, lens: &Lens, proxy: &ProxyOptics) -> Result<OneLens, DesignError> {
+    fn one(&self, lens: &Lens, proxy: &ProxyOptics) -> Result<OneLens> {
         let (plan, space) = (self.sampler.plan(), &self.sampler.start().space);
         let x = space.free(&space.space().coordinates(lens));
         let mut timed = Timed { clock: self.clock, last: (self.clock)() };

@@ -11,7 +11,7 @@ use petzval_optics::psf::PsfKind;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::to_host;
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::lens::psf_plan::PsfPlan;
 
 /// Mean and standard deviation of the inputs of a network over random lenses of its design space: the coordinates of the design space, and
@@ -96,14 +96,14 @@ impl ProxyOptics {
         config: OpticsProxyConfig,
         seed: u64,
         device: &Device,
-    ) -> Result<Self, DesignError> {
+    ) -> Result<Self> {
         let inputs = space.dimension() + 1;
         let network = OpticsProxyConfig { inputs, ..config }.init(seed, device)?;
         Ok(Self { space, domain, scale, network, device: device.clone() })
     }
 
     /// The same with the weights of a file, of this program or safetensors.
-    pub fn with_weights(mut self, weights: Vec<u8>) -> Result<Self, DesignError> {
+    pub fn with_weights(mut self, weights: Vec<u8>) -> Result<Self> {
         self.network = self.network.load_any(weights)?;
         Ok(self)
     }
@@ -131,7 +131,7 @@ impl ProxyOptics {
     }
 
     /// The PSFs of a lens at image radii, mm, the first 0.
-    pub fn psfs(&self, lens: &Lens, field_radius_mm: &[f64]) -> Result<ProxyPsfs, DesignError> {
+    pub fn psfs(&self, lens: &Lens, field_radius_mm: &[f64]) -> Result<ProxyPsfs> {
         let fields: Vec<(&Lens, f64)> = field_radius_mm.iter().map(|radius| (lens, *radius)).collect();
         let inputs = self.inputs(&fields).require_grad();
         let predicted = self.network.forward(inputs.clone());
@@ -149,11 +149,7 @@ impl ProxyOptics {
 impl ProxyPsfs {
     /// The derivatives of a loss by the coordinates of the design space, from those by the bank's values and illumination, laid out as in
     /// [`PsfBank`].
-    pub fn by_coordinates(
-        &self,
-        by_values: &[f32],
-        by_illumination: &[f32],
-    ) -> Result<Vec<f64>, DesignError> {
+    pub fn by_coordinates(&self, by_values: &[f32], by_illumination: &[f32]) -> Result<Vec<f64>> {
         let PredictedPsfs { values, illumination } = &self.predicted;
         let device = values.device();
         let of_values = Tensor::from_data(TensorData::new(by_values.to_vec(), values.dims()), &device);

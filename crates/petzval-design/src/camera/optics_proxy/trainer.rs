@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::proxy::{ProxyDomain, ProxyOptics, Scale};
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::cosine_rate;
 use crate::lens::psf_plan::BankWithTape;
 use crate::lens::sampler::LensSampler;
@@ -64,7 +64,7 @@ impl ProxyOpticsTrainer {
         domain: ProxyDomain,
         training: OpticsTraining,
         device: &Device,
-    ) -> Result<Self, DesignError> {
+    ) -> Result<Self> {
         let scale = Scale::of(&sampler.inputs(domain.corner_mm));
         let space = sampler.start().space.space().clone();
         let OpticsTraining { seed, hidden, channels, .. } = training;
@@ -79,7 +79,7 @@ impl ProxyOpticsTrainer {
     }
 
     /// One step of Adam on lenses that are drawn and traced for it.
-    pub fn step(&mut self, step: usize) -> Result<OpticsLosses, DesignError> {
+    pub fn step(&mut self, step: usize) -> Result<OpticsLosses> {
         let batch = self.training.batch;
         let numbers = (step * batch) as u64..((step + 1) * batch) as u64;
         let drawn: Vec<(Lens, BankWithTape)> =
@@ -119,18 +119,18 @@ impl ProxyOpticsTrainer {
     }
 
     /// Weights and the state of the optimiser, as bytes.
-    pub fn save(&self) -> Result<[Vec<u8>; 2], DesignError> {
+    pub fn save(&self) -> Result<[Vec<u8>; 2]> {
         let optimizer = self.optimizer.into_bytes().map_err(|e| unusable(&e))?;
         Ok([self.proxy.network.to_bytes()?, optimizer.to_vec()])
     }
 
     /// The weights as a safetensors file.
-    pub fn safetensors(&self) -> Result<Vec<u8>, DesignError> {
+    pub fn safetensors(&self) -> Result<Vec<u8>> {
         Ok(self.proxy.network.to_safetensors()?)
     }
 
     /// Takes over what [`ProxyOpticsTrainer::save`] returned.
-    pub fn load(&mut self, [weights, optimizer]: [Vec<u8>; 2]) -> Result<(), DesignError> {
+    pub fn load(&mut self, [weights, optimizer]: [Vec<u8>; 2]) -> Result<()> {
         self.proxy.network = self.proxy.network.clone().load_bytes(weights)?;
         let bytes = Bytes::from_bytes_vec(optimizer);
         self.optimizer = AdamConfig::new().init().from_bytes(bytes).map_err(|e| unusable(&e))?;

@@ -8,9 +8,9 @@ mod psf;
 mod python;
 
 use petzval_base::FileError;
-use petzval_base::parameter::Parameters;
 use petzval_camera::sensor::NoiseMode;
 
+use super::commented::tables;
 use super::{BlockName, DetectorInput, Experiment, Keep, NetworkRole, TaskFacts, Variant, variants};
 use checked::Checked;
 
@@ -47,24 +47,8 @@ impl Experiment {
 }
 
 fn values_lie_in_their_ranges(c: &Checked) -> Result<(), FileError> {
-    let e = c.experiment;
-    let tables = [
-        ("exposure", e.exposure.out_of_range()),
-        ("psf", e.psf.out_of_range()),
-        ("isp", e.isp.out_of_range()),
-        ("network", e.network.out_of_range()),
-        ("street", e.street.out_of_range()),
-        ("training", e.training.out_of_range()),
-        ("loss", e.loss.out_of_range()),
-        ("optics", e.optics.out_of_range()),
-        ("spot", e.spot.out_of_range()),
-        ("constraints", e.constraints.out_of_range()),
-        ("scoring", e.scoring.out_of_range()),
-        ("validation", e.validation.out_of_range()),
-        ("checkpoint", e.checkpoint.out_of_range()),
-        ("reading", e.reading.out_of_range()),
-    ];
-    match tables.into_iter().find_map(|(table, wrong)| Some((table, wrong?))) {
+    let mut tables = tables(c.experiment).into_iter();
+    match tables.find_map(|(table, _, wrong)| Some((table, wrong?))) {
         Some((table, wrong)) => {
             let error = c.at(&[table, wrong.parameter.name], wrong.message());
             Err(error.hint(wrong.parameter.hint))

@@ -15,7 +15,7 @@ use super::boxes::{with_detections, with_truth};
 use super::seen_windows::{self, SeenWindow, clusters};
 use crate::camera::host_image;
 use crate::cameras::Cameras;
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::run::PictureScore;
 use crate::task::{Depth, Findings, HeldOut, Judge, ScoredPicture, Taken, named_scores};
 
@@ -28,7 +28,7 @@ pub(super) struct ObjectJudge {
 
 impl ObjectJudge {
     /// The scores that an experiment names, in that order.
-    pub fn new(cameras: &Cameras) -> Result<Self, DesignError> {
+    pub fn new(cameras: &Cameras) -> Result<Self> {
         let classes = cameras.experiment.classes();
         let known = object_scores(&classes.names());
         let named = &cameras.experiment.scoring.scores;
@@ -70,7 +70,7 @@ impl ObjectFindings {
 }
 
 impl Findings for ObjectFindings {
-    fn add(&mut self, taken: Taken) -> Result<ScoredPicture, DesignError> {
+    fn add(&mut self, taken: Taken) -> Result<ScoredPicture> {
         let Taken { camera, window, frames, finished, developed } = taken;
         let HeldOut { name: photo, sequence, relative_field, shot } = window;
         let truth = shot.labels.of::<Truth>().ok_or(DesignError::OtherTask)?.clone();
@@ -126,7 +126,7 @@ impl Findings for ObjectFindings {
         self.scores.iter().map(draws).collect()
     }
 
-    fn save(&self, folder: &Path) -> Result<(), DesignError> {
+    fn save(&self, folder: &Path) -> Result<()> {
         seen_windows::save(folder, &self.windows)
     }
 }

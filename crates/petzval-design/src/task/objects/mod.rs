@@ -23,7 +23,7 @@ use crate::assets::Assets;
 use crate::block::NetworkBlock;
 use crate::camera::{Camera, Labels, Shot};
 use crate::cameras::Cameras;
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{Experiment, NetworkRole, PicturesKey, TaskFacts};
 use crate::run::{Metrics, RunFolder, write_file};
 
@@ -58,12 +58,7 @@ impl Task for Objects {
         scores.into_iter().map(|score| score.about.name).collect()
     }
 
-    fn prepare(
-        &self,
-        experiment: &Experiment,
-        _: &Assets,
-        _: &Device,
-    ) -> Result<Box<dyn PreparedTask>, DesignError> {
+    fn prepare(&self, experiment: &Experiment, _: &Assets, _: &Device) -> Result<Box<dyn PreparedTask>> {
         let given_weights = network::given_weights(experiment)?;
         Ok(Box::new(PreparedObjects { given_weights }))
     }
@@ -109,7 +104,7 @@ struct PreparedObjects {
 }
 
 impl PreparedTask for PreparedObjects {
-    fn windows(&self, plan: &WindowPlan) -> Result<Box<dyn Windows>, DesignError> {
+    fn windows(&self, plan: &WindowPlan) -> Result<Box<dyn Windows>> {
         let labels = SceneLabels {
             classes: plan.experiment.classes(),
             surfaces: None,
@@ -122,15 +117,15 @@ impl PreparedTask for PreparedObjects {
         Ok(Box::new(Scenes::new(plan, labels)?))
     }
 
-    fn network(&self, cameras: &Cameras) -> Result<NetworkBlock, DesignError> {
+    fn network(&self, cameras: &Cameras) -> Result<NetworkBlock> {
         network::block(&cameras.experiment, self.given_weights.as_deref(), &cameras.body.device)
     }
 
-    fn objective(&self, _: &Cameras) -> Result<Box<dyn Objective>, DesignError> {
+    fn objective(&self, _: &Cameras) -> Result<Box<dyn Objective>> {
         Ok(Box::new(FindObjects))
     }
 
-    fn judge(&self, cameras: &Cameras) -> Result<Box<dyn Judge>, DesignError> {
+    fn judge(&self, cameras: &Cameras) -> Result<Box<dyn Judge>> {
         Ok(Box::new(ObjectJudge::new(cameras)?))
     }
 
@@ -138,7 +133,7 @@ impl PreparedTask for PreparedObjects {
         self.given_weights.as_deref()
     }
 
-    fn keep_weights(&self, run: &RunFolder, kept: &mut Experiment) -> Result<(), DesignError> {
+    fn keep_weights(&self, run: &RunFolder, kept: &mut Experiment) -> Result<()> {
         let Some(weights) = &self.given_weights else { return Ok(()) };
         let ending = if kept.detector.safetensors().is_some() { "safetensors" } else { "bin" };
         let name = format!("detector-weights.{ending}");
@@ -147,24 +142,19 @@ impl PreparedTask for PreparedObjects {
         Ok(())
     }
 
-    fn drawn(&self, camera: &Camera, picture: LinearImage) -> Result<Drawn, DesignError> {
+    fn drawn(&self, camera: &Camera, picture: LinearImage) -> Result<Drawn> {
         let finder = camera.reader::<Finder>().ok_or(DesignError::OtherTask)?;
         let found = detect_in(finder.detector.as_ref(), &picture, &camera.body().device)?;
         Ok(Drawn::alone(boxes::with_sure(&picture, &found, &finder.classes.names())))
     }
 
-    fn report(
-        &self,
-        cameras: &Cameras,
-        run: &RunFolder,
-        metrics: &Metrics,
-    ) -> Result<TaskReport, DesignError> {
+    fn report(&self, cameras: &Cameras, run: &RunFolder, metrics: &Metrics) -> Result<TaskReport> {
         view::report(cameras, run, metrics)
     }
 }
 
 /// What is known of windows.
-fn truths(shots: &[Shot]) -> Result<Vec<Truth>, DesignError> {
+fn truths(shots: &[Shot]) -> Result<Vec<Truth>> {
     let truth = |shot: &Shot| shot.labels.of::<Truth>().cloned().ok_or(DesignError::OtherTask);
     shots.iter().map(truth).collect()
 }
@@ -178,7 +168,7 @@ fn seed(shots: &[Shot]) -> u64 {
 struct FindObjects;
 
 impl Objective for FindObjects {
-    fn loss(&self, camera: &Camera, frames: &Frames, shots: &[Shot]) -> Result<NamedLoss, DesignError> {
+    fn loss(&self, camera: &Camera, frames: &Frames, shots: &[Shot]) -> Result<NamedLoss> {
         let finder = camera.reader::<Finder>().ok_or(DesignError::OtherTask)?;
         Ok(finder.detector.loss(frames.finished.clone(), &truths(shots)?, seed(shots))?)
     }
@@ -188,7 +178,7 @@ impl Objective for FindObjects {
         WindowsOf::Looks
     }
 
-    fn look(&self, camera: &Camera, frames: &Frames) -> Result<Vec<Tensor<4>>, DesignError> {
+    fn look(&self, camera: &Camera, frames: &Frames) -> Result<Vec<Tensor<4>>> {
         let finder = camera.reader::<Finder>().ok_or(DesignError::OtherTask)?;
         Ok(finder.detector.look(frames.finished.clone()))
     }
@@ -199,7 +189,7 @@ impl Objective for FindObjects {
         look: Vec<Tensor<4>>,
         picture: [usize; 2],
         shots: &[Shot],
-    ) -> Result<NamedLoss, DesignError> {
+    ) -> Result<NamedLoss> {
         let finder = camera.reader::<Finder>().ok_or(DesignError::OtherTask)?;
         Ok(finder.detector.loss_of_look(look, picture, &truths(shots)?, seed(shots))?)
     }

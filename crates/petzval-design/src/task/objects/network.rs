@@ -15,7 +15,7 @@ use petzval_learn::weight_file::Weights;
 
 use crate::block::{CameraNetwork, NetworkBlock, Sight};
 use crate::camera::Camera;
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{DetectorConfig, Experiment};
 
 /// A detector as the files of cameras hold it. Its one case is a part of the names of its weights.
@@ -93,12 +93,12 @@ pub fn detector_of(block: &NetworkBlock) -> Option<Box<dyn Detector>> {
 }
 
 /// The detector of an experiment before its weights are loaded.
-pub fn untrained(experiment: &Experiment, device: &Device) -> Result<NetworkBlock, DesignError> {
+pub fn untrained(experiment: &Experiment, device: &Device) -> Result<NetworkBlock> {
     Ok(NetworkBlock::new(drawn(experiment, device)?, Finding { classes: experiment.classes() }))
 }
 
 /// The weights that an experiment names for its detector.
-pub(super) fn given_weights(experiment: &Experiment) -> Result<Option<Vec<u8>>, DesignError> {
+pub(super) fn given_weights(experiment: &Experiment) -> Result<Option<Vec<u8>>> {
     let Some(path) = experiment.detector.weights.as_ref().map(Path::new) else { return Ok(None) };
     Ok(Some(petzval_base::read_whole(path).map_err(DesignError::io(path))?))
 }
@@ -108,7 +108,7 @@ pub(super) fn block(
     experiment: &Experiment,
     given_weights: Option<&[u8]>,
     device: &Device,
-) -> Result<NetworkBlock, DesignError> {
+) -> Result<NetworkBlock> {
     let block = |network| NetworkBlock::new(network, Finding { classes: experiment.classes() });
     let Some((path, bytes)) = experiment.detector.weights.as_ref().zip(given_weights) else {
         return Ok(block(drawn(experiment, device)?));
@@ -120,7 +120,7 @@ pub(super) fn block(
 }
 
 /// The detector of an experiment with weights drawn from its seed.
-fn drawn(experiment: &Experiment, device: &Device) -> Result<DetectorNetwork, DesignError> {
+fn drawn(experiment: &Experiment, device: &Device) -> Result<DetectorNetwork> {
     let DetectorConfig { kind, backbone, .. } = experiment.detector;
     let classes = experiment.class.len();
     Ok(DetectorNetwork::Detector(kind.init(backbone, classes, experiment.seed, device)?))
@@ -128,12 +128,7 @@ fn drawn(experiment: &Experiment, device: &Device) -> Result<DetectorNetwork, De
 
 /// The detector of an experiment with the weights of a safetensors file: of a detector of torchvision, of a classifier of torchvision for the
 /// backbone alone, or `network.safetensors` of a run.
-fn read(
-    experiment: &Experiment,
-    path: &Path,
-    bytes: &[u8],
-    device: &Device,
-) -> Result<DetectorNetwork, DesignError> {
+fn read(experiment: &Experiment, path: &Path, bytes: &[u8], device: &Device) -> Result<DetectorNetwork> {
     let DetectorConfig { kind, backbone, .. } = experiment.detector;
     let holds = WeightsOf::file(bytes);
     let misfit = match holds {

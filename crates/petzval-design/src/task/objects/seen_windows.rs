@@ -7,7 +7,7 @@ use petzval_learn::score::detection::{Picture, clusters_of};
 use petzval_learn::score::judged;
 use serde::{Deserialize, Serialize};
 
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::run::{RunFolder, read_json_if_there, write_file};
 
 /// A state of a picture in which the detector of a camera looks for objects.
@@ -103,7 +103,7 @@ pub(crate) fn clusters<'a>(windows: impl IntoIterator<Item = &'a SeenWindow>) ->
 }
 
 /// Writes the windows of a finished camera.
-pub fn save(folder: &Path, windows: &[SeenWindow]) -> Result<(), DesignError> {
+pub fn save(folder: &Path, windows: &[SeenWindow]) -> Result<()> {
     if windows.is_empty() {
         return Ok(());
     }
@@ -111,7 +111,7 @@ pub fn save(folder: &Path, windows: &[SeenWindow]) -> Result<(), DesignError> {
 }
 
 /// The windows of a finished camera; none where an earlier version did not write them, or no objects are looked for.
-pub fn read(run: &RunFolder, camera: &str) -> Result<Option<Vec<SeenWindow>>, DesignError> {
+pub fn read(run: &RunFolder, camera: &str) -> Result<Option<Vec<SeenWindow>>> {
     read_json_if_there(&path(&run.camera(camera)))
 }
 

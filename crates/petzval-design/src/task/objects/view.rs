@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 use super::seen_windows::{self, SeenWindow, Stage};
 use crate::cameras::Cameras;
-use crate::error::DesignError;
+use crate::error::Result;
 use crate::run::picture_names::{file_name, whole_png};
 use crate::run::{CameraMetrics, Metrics, RunFolder};
 use crate::task::TaskReport;
@@ -25,11 +25,7 @@ const MOST_MISTAKES: usize = 8;
 const SHOWN: &str = "ap50";
 
 /// What the report of a run shows of objects: what its cameras find, and where. Cameras that an earlier version scored are not counted.
-pub(super) fn report(
-    cameras: &Cameras,
-    run: &RunFolder,
-    metrics: &Metrics,
-) -> Result<TaskReport, DesignError> {
+pub(super) fn report(cameras: &Cameras, run: &RunFolder, metrics: &Metrics) -> Result<TaskReport> {
     let classes = cameras.experiment.classes();
     let mut all: Vec<Option<Seen>> = Vec::new();
     for row in &metrics.rows {

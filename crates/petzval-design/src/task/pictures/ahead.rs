@@ -8,7 +8,7 @@ use petzval_learn::dataset::{CropPlan, List, PhotoSet, TrainingCrop, training_cr
 
 use crate::ahead::Ahead;
 use crate::camera::{Labels, Shot, crop_window};
-use crate::error::DesignError;
+use crate::error::Result;
 
 /// Most steps whose windows are made ahead.
 const MOST_STEPS: u64 = 8;
@@ -46,7 +46,7 @@ impl Item {
 
 impl TrainingPhotos {
     /// A random window of a photograph of a list at a random place of the sensor.
-    pub(super) fn shot(&self, item: &Item, list: List) -> Result<Shot, DesignError> {
+    pub(super) fn shot(&self, item: &Item, list: List) -> Result<Shot> {
         self.shot_of(item, list, |c| {
             let light = self.set.light(&self.set.list(list)[c.photo])?;
             let window = self.crops.window();
@@ -63,8 +63,8 @@ impl TrainingPhotos {
         &self,
         item: &Item,
         list: List,
-        scene: impl FnOnce(&TrainingCrop) -> Result<LinearImage, DesignError>,
-    ) -> Result<Shot, DesignError> {
+        scene: impl FnOnce(&TrainingCrop) -> Result<LinearImage>,
+    ) -> Result<Shot> {
         let crops = &self.crops;
         let c = training_crop(crops, self.set.list(list), item.seed, item.step, item.item)?;
         let (row, col) = crops.exposed_at(c.sensor_row, c.sensor_column);

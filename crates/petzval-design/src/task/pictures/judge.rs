@@ -6,7 +6,7 @@ use std::sync::Arc;
 use petzval_learn::score::{Score, ScoreDescription, ScoredPair};
 
 use crate::camera::host_image;
-use crate::error::DesignError;
+use crate::error::Result;
 use crate::experiment::Experiment;
 use crate::run::PictureScore;
 use crate::task::{Depth, Findings, HeldOut, Judge, ScoredPicture, Taken, named_scores};
@@ -18,7 +18,7 @@ pub struct PictureJudge {
 
 impl PictureJudge {
     /// The scores of `known` that the experiment names, in that order.
-    pub fn new(experiment: &Experiment, known: Vec<Box<dyn Score>>) -> Result<Self, DesignError> {
+    pub fn new(experiment: &Experiment, known: Vec<Box<dyn Score>>) -> Result<Self> {
         Ok(Self::of(named_scores(&experiment.scoring.scores, known, |score| score.name())?))
     }
 
@@ -45,7 +45,7 @@ struct PictureFindings {
 }
 
 impl Findings for PictureFindings {
-    fn add(&mut self, taken: Taken) -> Result<ScoredPicture, DesignError> {
+    fn add(&mut self, taken: Taken) -> Result<ScoredPicture> {
         let HeldOut { name: photo, relative_field, shot, .. } = taken.window;
         let truth_tensor = taken.camera.truths(&[shot])?;
         let pair = ScoredPair {

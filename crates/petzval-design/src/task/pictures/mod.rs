@@ -19,7 +19,7 @@ use crate::assets::Assets;
 use crate::block::NetworkBlock;
 use crate::camera::{Camera, Shot};
 use crate::cameras::Cameras;
-use crate::error::DesignError;
+use crate::error::Result;
 use crate::experiment::{Experiment, NetworkRole, PicturesKey, TaskFacts};
 use crate::run::{RunFolder, write_file};
 
@@ -53,7 +53,7 @@ impl Task for Pictures {
         experiment: &Experiment,
         assets: &Assets,
         device: &Device,
-    ) -> Result<Box<dyn PreparedTask>, DesignError> {
+    ) -> Result<Box<dyn PreparedTask>> {
         Ok(Box::new(PreparedPictures::new(experiment, assets, device)?))
     }
 }
@@ -67,7 +67,7 @@ pub(super) struct PreparedPictures {
 
 impl PreparedPictures {
     /// Reads given weights.
-    pub fn new(experiment: &Experiment, assets: &Assets, device: &Device) -> Result<Self, DesignError> {
+    pub fn new(experiment: &Experiment, assets: &Assets, device: &Device) -> Result<Self> {
         let host =
             experiment.python.as_ref().map(|python| assets.guest_host(python.timeout_s)).transpose()?;
         let given_weights = network::given_weights(experiment, assets, device)?;
@@ -76,19 +76,19 @@ impl PreparedPictures {
 }
 
 impl PreparedTask for PreparedPictures {
-    fn windows(&self, plan: &WindowPlan) -> Result<Box<dyn Windows>, DesignError> {
+    fn windows(&self, plan: &WindowPlan) -> Result<Box<dyn Windows>> {
         Ok(Box::new(Photographs::load(plan)?))
     }
 
-    fn network(&self, cameras: &Cameras) -> Result<NetworkBlock, DesignError> {
+    fn network(&self, cameras: &Cameras) -> Result<NetworkBlock> {
         network::block(cameras, self.given_weights.as_deref(), self.host.as_deref())
     }
 
-    fn objective(&self, cameras: &Cameras) -> Result<Box<dyn Objective>, DesignError> {
+    fn objective(&self, cameras: &Cameras) -> Result<Box<dyn Objective>> {
         Ok(Box::new(ImageQuality::new(cameras.experiment.loss.clone(), cameras.lpips()?)?))
     }
 
-    fn judge(&self, cameras: &Cameras) -> Result<Box<dyn Judge>, DesignError> {
+    fn judge(&self, cameras: &Cameras) -> Result<Box<dyn Judge>> {
         let known = standard_scores(&cameras.lpips()?);
         Ok(Box::new(PictureJudge::new(&cameras.experiment, known)?))
     }
@@ -97,7 +97,7 @@ impl PreparedTask for PreparedPictures {
         self.given_weights.as_deref()
     }
 
-    fn keep_weights(&self, run: &RunFolder, kept: &mut Experiment) -> Result<(), DesignError> {
+    fn keep_weights(&self, run: &RunFolder, kept: &mut Experiment) -> Result<()> {
         // The built-in ones are known by their fingerprint, as the built-in photographs are.
         let given = self.given_weights.as_ref().filter(|_| !kept.network.has_built_in_weights());
         if let Some(weights) = given {
@@ -117,14 +117,14 @@ struct ImageQuality {
 
 impl ImageQuality {
     /// Refuses weights that are negative or not finite.
-    fn new(loss: ImageLoss, lpips: Lpips) -> Result<Self, DesignError> {
+    fn new(loss: ImageLoss, lpips: Lpips) -> Result<Self> {
         loss.check()?;
         Ok(Self { loss, lpips })
     }
 }
 
 impl Objective for ImageQuality {
-    fn loss(&self, camera: &Camera, frames: &Frames, shots: &[Shot]) -> Result<NamedLoss, DesignError> {
+    fn loss(&self, camera: &Camera, frames: &Frames, shots: &[Shot]) -> Result<NamedLoss> {
         let target = self.loss.target(&self.lpips, camera.truths(shots)?)?;
         let parts = self.loss.evaluate(&self.lpips, frames.finished.clone(), &target)?;
         let weighted = parts.parts.iter().map(|part| f64::from(part.weight) * f64::from(part.value));

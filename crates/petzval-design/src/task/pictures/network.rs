@@ -14,7 +14,7 @@ use crate::assets::Assets;
 use crate::block::{CameraNetwork, NetworkBlock, Sight};
 use crate::camera::Camera;
 use crate::cameras::Cameras;
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{Experiment, NetworkConfig, NetworkRole, TrainingConfig};
 
 /// A network behind the development, which follows its gradients by Adam.
@@ -44,7 +44,7 @@ pub(super) fn block(
     cameras: &Cameras,
     given_weights: Option<&[u8]>,
     host: Option<&dyn Host>,
-) -> Result<NetworkBlock, DesignError> {
+) -> Result<NetworkBlock> {
     let experiment = &cameras.experiment;
     let NetworkConfig { kind, base_channels, levels, .. } = experiment.network;
     let Some(kind) = kind.ours() else { return of_class(cameras, given_weights, host) };
@@ -63,7 +63,7 @@ fn of_class(
     cameras: &Cameras,
     given_weights: Option<&[u8]>,
     host: Option<&dyn Host>,
-) -> Result<NetworkBlock, DesignError> {
+) -> Result<NetworkBlock> {
     let experiment = &cameras.experiment;
     let class = experiment.python.as_ref().and_then(|python| python.network.as_ref());
     let (Some(class), Some(host)) = (class, host) else {
@@ -84,7 +84,7 @@ pub(super) fn given_weights(
     experiment: &Experiment,
     assets: &Assets,
     device: &Device,
-) -> Result<Option<Vec<u8>>, DesignError> {
+) -> Result<Option<Vec<u8>>> {
     let NetworkConfig { kind, base_channels, levels, ref weights } = experiment.network;
     if !experiment.has_picture_network(NetworkRole::Finishes) || experiment.network.draws_weights() {
         return Ok(None);

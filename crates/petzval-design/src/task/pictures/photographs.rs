@@ -18,7 +18,7 @@ use sha2::{Digest, Sha256};
 
 use super::ahead::{PhotosAhead, TrainingPhotos};
 use crate::assets::Assets;
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment};
 use crate::run::input_list::Pictures;
 use crate::task::{PhotosLook, Purpose, Remark, WindowPlan, enlarged_by};
@@ -52,7 +52,7 @@ pub struct Photographs {
 impl Photographs {
     /// Lists the photographs of an experiment, and reads those of a small set ([`find_photos`]). Where they are for scores alone, all those of its
     /// folder are held out.
-    pub fn load(plan: &WindowPlan) -> Result<Self, DesignError> {
+    pub fn load(plan: &WindowPlan) -> Result<Self> {
         let WindowPlan { experiment, assets, training_crops, scoring_crops, purpose, .. } = *plan;
         let memory = experiment.reading.bytes();
         // Windows of the next steps take a part of the memory, and what is being decoded.
@@ -93,7 +93,7 @@ impl Photographs {
     }
 
     /// Adds every photograph by list, name and light to a hash. Reads them all.
-    pub(super) fn add_to(&self, hash: &mut Sha256) -> Result<(), DesignError> {
+    pub(super) fn add_to(&self, hash: &mut Sha256) -> Result<()> {
         for (list, photos) in self.lists() {
             let list = in_words(list).replace('-', " ");
             for photo in photos {
@@ -108,7 +108,7 @@ impl Photographs {
     }
 
     /// The files of photographs of a folder, a list or shards, with the digest of each if they `are_read`.
-    pub(super) fn files(&self, place: &str, are_read: bool) -> Result<Pictures, DesignError> {
+    pub(super) fn files(&self, place: &str, are_read: bool) -> Result<Pictures> {
         let place = std::fs::canonicalize(place).map_err(DesignError::io(Path::new(place)))?;
         let all: Vec<(List, &Photo)> = (self.lists().into_iter())
             .flat_map(|(list, photos)| photos.iter().map(move |photo| (list, photo)))
@@ -117,7 +117,7 @@ impl Photographs {
             let stored = photo.file().map(|file| PictureFile::stored(file, *list, are_read));
             Ok(stored.transpose()?)
         };
-        let files = all.par_iter().map(file).collect::<Result<Vec<_>, DesignError>>()?;
+        let files = all.par_iter().map(file).collect::<Result<Vec<_>>>()?;
         Ok(Pictures { place, labels: None, files: files.into_iter().flatten().collect() })
     }
 
@@ -173,11 +173,7 @@ impl Photographs {
     }
 
     /// Refuses a sensor without colour filters for photographs in colour, which it cannot show. Of a set that is read later some are looked at.
-    pub(super) fn check_colours(
-        &self,
-        experiment: &Experiment,
-        sensor: &SensorModel,
-    ) -> Result<(), DesignError> {
+    pub(super) fn check_colours(&self, experiment: &Experiment, sensor: &SensorModel) -> Result<()> {
         if sensor.cfa.colours() != [Colour::Clear] {
             return Ok(());
         }
@@ -187,8 +183,7 @@ impl Photographs {
             let light = self.set().light(photos[i * photos.len() / seen])?;
             Ok(is_coloured(&light))
         };
-        let coloured =
-            (0..seen).into_par_iter().map(is_coloured).collect::<Result<Vec<bool>, DesignError>>()?;
+        let coloured = (0..seen).into_par_iter().map(is_coloured).collect::<Result<Vec<bool>>>()?;
         let coloured = coloured.into_iter().filter(|is_coloured| *is_coloured).count();
         if coloured == 0 {
             return Ok(());
@@ -243,7 +238,7 @@ fn is_coloured(image: &LinearImage) -> bool {
 }
 
 /// The pictures of a place, all for scores.
-fn all_held_out(place: &Path, search: &PhotoSearch) -> Result<Read, DesignError> {
+fn all_held_out(place: &Path, search: &PhotoSearch) -> Result<Read> {
     let FoundPhotos { photos, skipped, notes, readers } = find_photos(place, search)?;
     if photos.is_empty() {
         return Err(too_few_photos(place, photos.len(), &skipped, "at least one is needed"));
@@ -277,7 +272,7 @@ const VALIDATION_EVERY: usize = 4;
 const HELD_OUT_EVERY: usize = 4;
 
 /// The built-in photographs, or a folder's: every fourth of those, by name, is held out.
-fn load_photos(experiment: &Experiment, assets: &Assets, search: &PhotoSearch) -> Result<Read, DesignError> {
+fn load_photos(experiment: &Experiment, assets: &Assets, search: &PhotoSearch) -> Result<Read> {
     if experiment.photos != BUILT_IN_PHOTOS {
         return own_photos(Path::new(&experiment.photos), search);
     }
@@ -296,7 +291,7 @@ fn load_photos(experiment: &Experiment, assets: &Assets, search: &PhotoSearch) -
             notes.extend(picture.notes.into_iter().map(|note| (name.clone(), note)));
             Ok(Photo::here(name.clone(), picture.light))
         })
-        .collect::<Result<_, DesignError>>()?;
+        .collect::<Result<_>>()?;
     Ok(Read { set: PhotoSet::new(photos, &split)?, skipped: Vec::new(), notes })
 }
 
@@ -310,7 +305,7 @@ fn too_few_photos(place: &Path, found: usize, skipped: &[(String, DatasetError)]
     DesignError::misfit(place, &message, hint)
 }
 
-fn own_photos(place: &Path, search: &PhotoSearch) -> Result<Read, DesignError> {
+fn own_photos(place: &Path, search: &PhotoSearch) -> Result<Read> {
     let FoundPhotos { photos, skipped, notes, readers } = find_photos(place, search)?;
     let count = photos.len();
     if count < 2 {

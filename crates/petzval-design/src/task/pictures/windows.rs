@@ -12,7 +12,7 @@ use super::Photographs;
 use super::ahead::Item;
 use crate::camera::{Camera, Labels, Shot, crop_window};
 use crate::cameras::Cameras;
-use crate::error::DesignError;
+use crate::error::Result;
 use crate::experiment::{BUILT_IN_PHOTOS, Experiment};
 use crate::run::hex;
 use crate::run::input_list::BUILT_IN;
@@ -22,7 +22,7 @@ use crate::task::{Content, HeldOut, PhotosLook, Remark, WindowInputs, Windows, i
 const FIRST_VALIDATION: u64 = 1 << 42;
 
 impl Windows for Photographs {
-    fn training(&self, cameras: &Cameras, _: &Camera, step: u64) -> Result<Vec<Shot>, DesignError> {
+    fn training(&self, cameras: &Cameras, _: &Camera, step: u64) -> Result<Vec<Shot>> {
         let (training, seed) = (&cameras.experiment.training, cameras.experiment.seed);
         let item = |item: u32| Item { seed, step, item, batch: training.batch };
         let is_generated = |item: &Item| is_generated(item.frame(), training.dead_leaves);
@@ -39,7 +39,7 @@ impl Windows for Photographs {
             relight(&mut shot.scene, light_factors(training.relight_ev, seed, step, item.item));
             Ok(shot)
         });
-        let shots = shots.collect::<Result<Vec<_>, DesignError>>();
+        let shots = shots.collect::<Result<Vec<_>>>();
         let next = (step + 1..).take(self.ahead.steps());
         let next = next.flat_map(|step| items.iter().map(move |item| Item { step, ..*item }));
         self.ahead.want(next.filter(|item| !is_generated(item)));
@@ -47,7 +47,7 @@ impl Windows for Photographs {
     }
 
     /// Photographs alone, as in scores.
-    fn validation(&self, cameras: &Cameras, _: &Camera) -> Result<Vec<Vec<Shot>>, DesignError> {
+    fn validation(&self, cameras: &Cameras, _: &Camera) -> Result<Vec<Vec<Shot>>> {
         let experiment = &cameras.experiment;
         let batch = experiment.training.batch;
         let shot = |i: usize| {
@@ -63,7 +63,7 @@ impl Windows for Photographs {
         cameras: &Cameras,
         camera: &Camera,
         is_chosen: &dyn Fn(usize) -> bool,
-    ) -> Result<Vec<HeldOut>, DesignError> {
+    ) -> Result<Vec<HeldOut>> {
         let crops = &self.scoring_crops;
         let places = held_out_placements(crops, cameras.experiment.scoring.places_per_side)?;
         let photos = self.set().held_out();
@@ -92,7 +92,7 @@ impl Windows for Photographs {
         [self.set().held_out().len(), experiment.scoring.places_per_side.pow(2)]
     }
 
-    fn check_sensor(&self, experiment: &Experiment, sensor: &SensorModel) -> Result<(), DesignError> {
+    fn check_sensor(&self, experiment: &Experiment, sensor: &SensorModel) -> Result<()> {
         self.check_colours(experiment, sensor)
     }
 
@@ -100,12 +100,7 @@ impl Windows for Photographs {
         Some(self.against(&cameras.body.sensor))
     }
 
-    fn inputs(
-        &self,
-        experiment: &Experiment,
-        content: Content,
-        hash: &mut Sha256,
-    ) -> Result<WindowInputs, DesignError> {
+    fn inputs(&self, experiment: &Experiment, content: Content, hash: &mut Sha256) -> Result<WindowInputs> {
         if experiment.photos != BUILT_IN_PHOTOS {
             let are_read = content == Content::All || !self.are_read_later();
             let pictures = self.files(&experiment.photos, are_read)?;

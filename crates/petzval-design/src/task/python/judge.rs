@@ -7,7 +7,7 @@ use petzval_learn::guest_task::GuestTask;
 use petzval_learn::score::{Score, ScoreDescription, standard_scores};
 
 use crate::cameras::Cameras;
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::task::pictures::PictureJudge;
 use crate::task::{Depth, Findings, Judge, ScoredPicture, Taken};
 
@@ -23,7 +23,7 @@ pub(super) struct OwnJudge {
 
 impl OwnJudge {
     /// Fails if the experiment names a score that neither the class nor the program computes. A score of the class goes before one of the same name.
-    pub fn new(cameras: &Cameras, own: Arc<GuestTask>) -> Result<Self, DesignError> {
+    pub fn new(cameras: &Cameras, own: Arc<GuestTask>) -> Result<Self> {
         let mut standard: Vec<Option<Box<dyn Score>>> =
             standard_scores(&cameras.lpips()?).into_iter().map(Some).collect();
         let of_class = own.scores().iter().map(|score| score.name.as_str());
@@ -69,7 +69,7 @@ struct OwnFindings {
 }
 
 impl Findings for OwnFindings {
-    fn add(&mut self, taken: Taken) -> Result<ScoredPicture, DesignError> {
+    fn add(&mut self, taken: Taken) -> Result<ScoredPicture> {
         let mut found = BTreeMap::new();
         if !self.named.is_empty() {
             let truth = taken.camera.truths(std::slice::from_ref(&taken.window.shot))?;

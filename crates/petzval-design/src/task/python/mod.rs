@@ -16,7 +16,7 @@ use crate::assets::Assets;
 use crate::block::NetworkBlock;
 use crate::camera::{Camera, Shot};
 use crate::cameras::Cameras;
-use crate::error::DesignError;
+use crate::error::Result;
 use crate::experiment::{Experiment, PYTHON, TaskFacts};
 use crate::run::RunFolder;
 
@@ -41,7 +41,7 @@ impl Task for PythonTask {
         experiment: &Experiment,
         assets: &Assets,
         device: &Device,
-    ) -> Result<Box<dyn PreparedTask>, DesignError> {
+    ) -> Result<Box<dyn PreparedTask>> {
         let pictures = PreparedPictures::new(experiment, assets, device)?;
         Ok(Box::new(PreparedPython { pictures, made: Mutex::default() }))
     }
@@ -55,7 +55,7 @@ struct PreparedPython {
 
 impl PreparedPython {
     /// The object of the class: one for loss and scores.
-    fn own(&self, experiment: &Experiment) -> Result<Arc<GuestTask>, DesignError> {
+    fn own(&self, experiment: &Experiment) -> Result<Arc<GuestTask>> {
         let mut made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(own) = &*made {
             return Ok(own.clone());
@@ -72,19 +72,19 @@ impl PreparedPython {
 }
 
 impl PreparedTask for PreparedPython {
-    fn windows(&self, plan: &WindowPlan) -> Result<Box<dyn Windows>, DesignError> {
+    fn windows(&self, plan: &WindowPlan) -> Result<Box<dyn Windows>> {
         self.pictures.windows(plan)
     }
 
-    fn network(&self, cameras: &Cameras) -> Result<NetworkBlock, DesignError> {
+    fn network(&self, cameras: &Cameras) -> Result<NetworkBlock> {
         self.pictures.network(cameras)
     }
 
-    fn objective(&self, cameras: &Cameras) -> Result<Box<dyn Objective>, DesignError> {
+    fn objective(&self, cameras: &Cameras) -> Result<Box<dyn Objective>> {
         Ok(Box::new(OwnLoss(self.own(&cameras.experiment)?)))
     }
 
-    fn judge(&self, cameras: &Cameras) -> Result<Box<dyn Judge>, DesignError> {
+    fn judge(&self, cameras: &Cameras) -> Result<Box<dyn Judge>> {
         Ok(Box::new(OwnJudge::new(cameras, self.own(&cameras.experiment)?)?))
     }
 
@@ -92,7 +92,7 @@ impl PreparedTask for PreparedPython {
         self.pictures.given_weights()
     }
 
-    fn keep_weights(&self, run: &RunFolder, kept: &mut Experiment) -> Result<(), DesignError> {
+    fn keep_weights(&self, run: &RunFolder, kept: &mut Experiment) -> Result<()> {
         self.pictures.keep_weights(run, kept)
     }
 }
@@ -101,7 +101,7 @@ impl PreparedTask for PreparedPython {
 struct OwnLoss(Arc<GuestTask>);
 
 impl Objective for OwnLoss {
-    fn loss(&self, camera: &Camera, frames: &Frames, shots: &[Shot]) -> Result<NamedLoss, DesignError> {
+    fn loss(&self, camera: &Camera, frames: &Frames, shots: &[Shot]) -> Result<NamedLoss> {
         let loss = self.0.loss(frames.finished.clone(), camera.truths(shots)?)?;
         Ok(NamedLoss::sum(vec![("loss", loss)])?)
     }

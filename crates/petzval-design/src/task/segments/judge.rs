@@ -13,7 +13,7 @@ use super::overlay::with_classes;
 use super::segmented_frames::{self, SHOWN, SegmentedFrame, ShownFrame, clusters, confusions};
 use crate::camera::host_image;
 use crate::cameras::Cameras;
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::run::PictureScore;
 use crate::task::{Depth, Findings, HeldOut, Judge, ScoredPicture, Taken, named_scores};
 
@@ -25,7 +25,7 @@ pub(super) struct SegmentJudge {
 
 impl SegmentJudge {
     /// The scores that an experiment names, in that order.
-    pub fn new(cameras: &Cameras) -> Result<Self, DesignError> {
+    pub fn new(cameras: &Cameras) -> Result<Self> {
         let classes = cameras.experiment.classes().counted();
         let named = &cameras.experiment.scoring.scores;
         let scores = named_scores(named, segment_scores(&classes.names()), |score| &score.about.name)?;
@@ -60,7 +60,7 @@ struct SegmentFindings {
 }
 
 impl Findings for SegmentFindings {
-    fn add(&mut self, taken: Taken) -> Result<ScoredPicture, DesignError> {
+    fn add(&mut self, taken: Taken) -> Result<ScoredPicture> {
         let Taken { camera, window, finished, developed, .. } = taken;
         let HeldOut { name, sequence, relative_field, shot } = window;
         let truth = shot.labels.of::<ClassMap>().ok_or(DesignError::OtherTask)?.clone();
@@ -105,7 +105,7 @@ impl Findings for SegmentFindings {
         self.scores.iter().map(draws).collect()
     }
 
-    fn save(&self, folder: &Path) -> Result<(), DesignError> {
+    fn save(&self, folder: &Path) -> Result<()> {
         segmented_frames::save(folder, &self.frames, &self.shown)
     }
 }

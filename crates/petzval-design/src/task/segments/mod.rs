@@ -25,7 +25,7 @@ use crate::assets::Assets;
 use crate::block::NetworkBlock;
 use crate::camera::{Camera, Labels, Shot};
 use crate::cameras::Cameras;
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{Experiment, NetworkRole, PicturesKey, STREET, TaskFacts};
 use crate::run::{Metrics, RunFolder};
 
@@ -59,7 +59,7 @@ impl Task for Segments {
         scores.into_iter().map(|score| score.about.name).collect()
     }
 
-    fn prepare(&self, _: &Experiment, _: &Assets, _: &Device) -> Result<Box<dyn PreparedTask>, DesignError> {
+    fn prepare(&self, _: &Experiment, _: &Assets, _: &Device) -> Result<Box<dyn PreparedTask>> {
         Ok(Box::new(PreparedSegments))
     }
 }
@@ -128,7 +128,7 @@ fn check_classes(experiment: &Experiment, text: &str) -> Result<(), FileError> {
 struct PreparedSegments;
 
 impl PreparedTask for PreparedSegments {
-    fn windows(&self, plan: &WindowPlan) -> Result<Box<dyn Windows>, DesignError> {
+    fn windows(&self, plan: &WindowPlan) -> Result<Box<dyn Windows>> {
         let classes = plan.experiment.classes();
         let labels = SceneLabels {
             surfaces: Some(classes.of_surfaces()),
@@ -142,19 +142,19 @@ impl PreparedTask for PreparedSegments {
         Ok(Box::new(Scenes::new(plan, labels)?))
     }
 
-    fn network(&self, cameras: &Cameras) -> Result<NetworkBlock, DesignError> {
+    fn network(&self, cameras: &Cameras) -> Result<NetworkBlock> {
         network::block(&cameras.experiment, &cameras.body.device)
     }
 
-    fn objective(&self, _: &Cameras) -> Result<Box<dyn Objective>, DesignError> {
+    fn objective(&self, _: &Cameras) -> Result<Box<dyn Objective>> {
         Ok(Box::new(NameClasses))
     }
 
-    fn judge(&self, cameras: &Cameras) -> Result<Box<dyn Judge>, DesignError> {
+    fn judge(&self, cameras: &Cameras) -> Result<Box<dyn Judge>> {
         Ok(Box::new(SegmentJudge::new(cameras)?))
     }
 
-    fn drawn(&self, camera: &Camera, picture: LinearImage) -> Result<Drawn, DesignError> {
+    fn drawn(&self, camera: &Camera, picture: LinearImage) -> Result<Drawn> {
         let reader = camera.reader::<PixelReader>().ok_or(DesignError::OtherTask)?;
         let map = reader.read(on_device(&picture, &camera.body().device))?;
         let png = index_png_bytes(&map.classes, map.height, map.width)?;
@@ -166,12 +166,7 @@ impl PreparedTask for PreparedSegments {
         &["classes.png"]
     }
 
-    fn report(
-        &self,
-        cameras: &Cameras,
-        run: &RunFolder,
-        metrics: &Metrics,
-    ) -> Result<TaskReport, DesignError> {
+    fn report(&self, cameras: &Cameras, run: &RunFolder, metrics: &Metrics) -> Result<TaskReport> {
         view::report(cameras, run, metrics)
     }
 }
@@ -180,7 +175,7 @@ impl PreparedTask for PreparedSegments {
 struct NameClasses;
 
 impl Objective for NameClasses {
-    fn loss(&self, camera: &Camera, frames: &Frames, shots: &[Shot]) -> Result<NamedLoss, DesignError> {
+    fn loss(&self, camera: &Camera, frames: &Frames, shots: &[Shot]) -> Result<NamedLoss> {
         let reader = camera.reader::<PixelReader>().ok_or(DesignError::OtherTask)?;
         let mut labels = Vec::new();
         for shot in shots {
@@ -195,12 +190,12 @@ impl Objective for NameClasses {
         WindowsOf::Apart
     }
 
-    fn shares(&self, shots: &[Shot]) -> Result<Vec<f64>, DesignError> {
+    fn shares(&self, shots: &[Shot]) -> Result<Vec<f64>> {
         let labelled = |shot: &Shot| {
             let map = shot.labels.of::<ClassMap>().ok_or(DesignError::OtherTask)?;
             Ok::<usize, DesignError>(map.classes.iter().filter(|class| **class != IGNORED).count())
         };
-        let labelled = shots.iter().map(labelled).collect::<Result<Vec<usize>, DesignError>>()?;
+        let labelled = shots.iter().map(labelled).collect::<Result<Vec<usize>>>()?;
         let all = labelled.iter().sum::<usize>().max(1) as f64;
         Ok(labelled.into_iter().map(|count| count as f64 / all).collect())
     }

@@ -8,7 +8,7 @@ use petzval_learn::optimizer::muon_and_adam;
 
 use crate::block::{CameraNetwork, NetworkBlock, Sight};
 use crate::camera::{Camera, to_host};
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::experiment::{Experiment, NetworkConfig};
 
 /// What reads the class of every pixel in the finished pictures of a camera.
@@ -27,7 +27,7 @@ impl PixelReader {
 
     /// The most probable class of each pixel of a picture `[1, 3, height, width]`, the first of equally probable ones. Fails where a logit is no
     /// number.
-    pub fn read(&self, picture: Tensor<4>) -> Result<ClassMap, DesignError> {
+    pub fn read(&self, picture: Tensor<4>) -> Result<ClassMap> {
         let [_, _, height, width] = picture.dims();
         let logits = to_host(self.seen_by(picture, Segmenter::forward_in_tiles))?;
         if logits.iter().any(|v| !v.is_finite()) {
@@ -74,7 +74,7 @@ impl CameraNetwork for Segmenting {
 }
 
 /// The network of an experiment at the start, with weights drawn from its seed.
-pub(super) fn block(experiment: &Experiment, device: &Device) -> Result<NetworkBlock, DesignError> {
+pub(super) fn block(experiment: &Experiment, device: &Device) -> Result<NetworkBlock> {
     let NetworkConfig { base_channels, levels, .. } = experiment.network;
     let classes = experiment.classes().counted().len();
     let network = Segmenter::init(classes, base_channels, levels, experiment.seed, device)?;

@@ -9,7 +9,7 @@ use petzval_learn::score::detection::clusters_of;
 use petzval_learn::score::segmentation::PixelConfusion;
 use serde::{Deserialize, Serialize};
 
-use crate::error::DesignError;
+use crate::error::{DesignError, Result};
 use crate::run::{RunFolder, read_json_if_there, write_file};
 
 /// Windows of which pictures are kept.
@@ -39,7 +39,7 @@ pub struct ShownFrame {
 
 impl ShownFrame {
     /// A finished picture, sRGB-encoded, with its classes.
-    pub fn new(photo: &LinearImage, truth: ClassMap, found: ClassMap) -> Result<Self, DesignError> {
+    pub fn new(photo: &LinearImage, truth: ClassMap, found: ClassMap) -> Result<Self> {
         Ok(Self { photo_png: encoded_png_bytes(photo)?, truth, found })
     }
 }
@@ -63,11 +63,7 @@ pub(super) fn confusions(frames: &[SegmentedFrame]) -> Vec<PixelConfusion> {
 }
 
 /// Writes the frames of a finished camera.
-pub(super) fn save(
-    folder: &Path,
-    frames: &[SegmentedFrame],
-    shown: &[ShownFrame],
-) -> Result<(), DesignError> {
+pub(super) fn save(folder: &Path, frames: &[SegmentedFrame], shown: &[ShownFrame]) -> Result<()> {
     let pictures = folder.join(PICTURES);
     std::fs::create_dir_all(&pictures).map_err(DesignError::io(&pictures))?;
     for (number, frame) in shown.iter().enumerate() {
@@ -81,7 +77,7 @@ pub(super) fn save(
 }
 
 /// The frames of a finished camera, and those that are shown; none of a camera without them. Fails if one has not this number of classes.
-pub fn read(run: &RunFolder, camera: &str, classes: usize) -> Result<Option<SegmentedFrames>, DesignError> {
+pub fn read(run: &RunFolder, camera: &str, classes: usize) -> Result<Option<SegmentedFrames>> {
     let folder = run.camera(camera);
     let path = list(&folder);
     let Some(frames) = read_json_if_there::<Vec<SegmentedFrame>>(&path)? else { return Ok(None) };
@@ -92,7 +88,7 @@ pub fn read(run: &RunFolder, camera: &str, classes: usize) -> Result<Option<Segm
     let mut shown = Vec::new();
     for number in 0..frames.len().min(SHOWN) {
         let path = |what: &str| folder.join(PICTURES).join(format!("{number}-{what}.png"));
-        let map = |what: &str| -> Result<ClassMap, DesignError> {
+        let map = |what: &str| -> Result<ClassMap> {
             let image = load_label_image(&path(what))?;
             let classes = image.values.into_iter().map(|value| value as u8).collect();
             Ok(ClassMap::new(image.height, image.width, classes))

@@ -9,16 +9,12 @@ use rayon::prelude::*;
 
 use super::segmented_frames::{self, SegmentedFrame, SegmentedFrames, ShownFrame, clusters, confusions};
 use crate::cameras::Cameras;
-use crate::error::DesignError;
+use crate::error::Result;
 use crate::run::{Metrics, RunFolder};
 use crate::task::TaskReport;
 
 /// The section of a run; none where no camera has what it shows.
-pub(super) fn report(
-    cameras: &Cameras,
-    run: &RunFolder,
-    metrics: &Metrics,
-) -> Result<TaskReport, DesignError> {
+pub(super) fn report(cameras: &Cameras, run: &RunFolder, metrics: &Metrics) -> Result<TaskReport> {
     let classes = cameras.experiment.classes().counted();
     let scores = segment_scores(&classes.names());
     let mut all = Vec::new();

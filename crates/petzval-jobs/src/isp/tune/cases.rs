@@ -10,7 +10,7 @@ use petzval_files::raw_file::{Sidecar, holds_digital_numbers, sidecar_path};
 use sha2::{Digest, Sha256};
 
 use super::plan::Plan;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::named_isp::NamedIsp;
 
 /// A raw frame and its reference.
@@ -32,7 +32,7 @@ const PICTURE_SUFFIXES: [&str; 2] = ["-developed", "-isp"];
 
 impl Case {
     /// The reference, sRGB-encoded, which must have the size of its frame.
-    pub fn read_reference(&self, (height, width): (usize, usize)) -> Result<LinearImage, JobError> {
+    pub fn read_reference(&self, (height, width): (usize, usize)) -> Result<LinearImage> {
         let picture = load_image(&self.reference).map_err(DesignError::Image)?.light;
         if (picture.height, picture.width) != (height, width) {
             let message = format!(
@@ -50,7 +50,7 @@ impl Case {
 }
 
 /// The frames of a plan, by name, each with its reference.
-pub(super) fn cases(plan: &Plan) -> Result<Vec<Case>, JobError> {
+pub(super) fn cases(plan: &Plan) -> Result<Vec<Case>> {
     let mut raws = files(&plan.raws, "raws", &RAW_ENDINGS)?;
     let references = files(&plan.reference, "reference", &PICTURE_ENDINGS)?;
     let name = |path: &Path| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -93,12 +93,12 @@ pub(super) fn cases(plan: &Plan) -> Result<Vec<Case>, JobError> {
 }
 
 /// Whether a file holds the digital numbers of a frame: gray whole numbers, or any file with a sidecar.
-fn is_mosaic(path: &Path) -> Result<bool, JobError> {
+fn is_mosaic(path: &Path) -> Result<bool> {
     Ok(sidecar_path(path).is_file() || holds_digital_numbers(path)?)
 }
 
 /// Files of a folder with one of these endings, by name.
-fn files(folder: &Path, key: &'static str, endings: &[&str]) -> Result<Vec<PathBuf>, JobError> {
+fn files(folder: &Path, key: &'static str, endings: &[&str]) -> Result<Vec<PathBuf>> {
     let hint = match key {
         "reference" => "give the folder of the pictures that the frames should become",
         _ => "give a folder of raw frames",
@@ -121,7 +121,7 @@ fn files(folder: &Path, key: &'static str, endings: &[&str]) -> Result<Vec<PathB
 }
 
 /// SHA-256 of everything that a score depends on beside the varied values: ISP, other values, frames, sidecars, references.
-pub(super) fn fingerprint(named: &NamedIsp, base: &[f64], cases: &[Case]) -> Result<String, JobError> {
+pub(super) fn fingerprint(named: &NamedIsp, base: &[f64], cases: &[Case]) -> Result<String> {
     let mut hash = Sha256::new();
     let mut add = |bytes: &[u8]| {
         hash.update((bytes.len() as u64).to_le_bytes());

@@ -3,13 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use petzval_base::simd::level;
-use petzval_base::write_whole;
-use petzval_design::error::DesignError;
 use petzval_design::evolution::Evolution;
 use serde::{Deserialize, Serialize};
 
 use super::plan::Plan;
-use crate::error::{JobError, json, make_folder};
+use crate::error::{JobError, Result, json, make_folder, write_file};
 
 /// All that a search needs to continue.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -79,7 +77,7 @@ pub(super) struct TuneFolder(PathBuf);
 
 impl TuneFolder {
     /// Makes the folder; refuses one that already holds a search.
-    pub fn create(root: &Path) -> Result<Self, JobError> {
+    pub fn create(root: &Path) -> Result<Self> {
         let folder = Self(root.to_owned());
         if folder.state().exists() {
             let hint = "continue it with --resume, or choose another folder";
@@ -95,7 +93,7 @@ impl TuneFolder {
     }
 
     /// Reads the search in a folder.
-    pub fn open(root: &Path) -> Result<(Self, Checkpoint), JobError> {
+    pub fn open(root: &Path) -> Result<(Self, Checkpoint)> {
         let folder = Self(root.to_owned());
         let path = folder.state();
         let wrong = |message: String| {
@@ -131,12 +129,12 @@ impl TuneFolder {
 
     /// Writes best settings, history and state. The state comes last: after a failure the folder continues from the generation
     /// before, which gives the same files again.
-    pub fn save(&self, kept: &Checkpoint, tuned: &str) -> Result<(), JobError> {
+    pub fn save(&self, kept: &Checkpoint, tuned: &str) -> Result<()> {
         let state = serde_json::to_string(kept).map_err(|e| JobError::failed(e.to_string()))?;
         for (path, text) in
             [(self.tuned(), tuned), (self.history(), &json(&kept.history)?), (self.state(), &state)]
         {
-            write_whole(&path, text.as_bytes()).map_err(DesignError::io(&path))?;
+            write_file(&path, text)?;
         }
         Ok(())
     }

@@ -23,7 +23,7 @@ use self::folder::{Checkpoint, TuneFolder};
 use super::frame::read_frame;
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::{JobError, Stopped};
+use crate::error::{JobError, Result, Stopped};
 use crate::event::WarningKind;
 use crate::named_isp::{NamedIsp, about_frame, isp_by_name};
 
@@ -141,7 +141,7 @@ pub(crate) const UNIT: AsUnit<Request> = AsUnit {
 ///
 /// The folder holds the best settings (`tuned.toml`), all generations (`history.json`) and what is needed to continue (`search.json`);
 /// all are written after every generation. Once it is cancelled, [`JobError::Stopped`] holds the response with the best settings so far.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let (plan, resumed) = match &request.start {
         Start::New { plan, .. } => (Plan::clone(plan), None),
         Start::Resume { folder } => {
@@ -214,7 +214,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
     Ok(found)
 }
 
-fn check_budget(evaluations: usize, least: usize) -> Result<(), JobError> {
+fn check_budget(evaluations: usize, least: usize) -> Result<()> {
     if evaluations >= least && evaluations <= 10_000_000 {
         Ok(())
     } else {
@@ -228,12 +228,7 @@ fn check_budget(evaluations: usize, least: usize) -> Result<(), JobError> {
 }
 
 /// The values at the start: those of the preset at the gain of the frames.
-fn base_values(
-    named: &NamedIsp,
-    plan: &Plan,
-    cases: &[Case],
-    context: &Context,
-) -> Result<Vec<f64>, JobError> {
+fn base_values(named: &NamedIsp, plan: &Plan, cases: &[Case], context: &Context) -> Result<Vec<f64>> {
     let mut gains_ev = Vec::new();
     for case in cases {
         gains_ev.push(read_frame(&case.raw, &plan.frame, &context.silent())?.about.gain_ev);
@@ -249,7 +244,7 @@ fn base_values(
 }
 
 /// The score of a name.
-fn score_of(name: &str, context: &Context) -> Result<Box<dyn Score>, JobError> {
+fn score_of(name: &str, context: &Context) -> Result<Box<dyn Score>> {
     let mut all = context.scores()?;
     let known: Vec<&str> = all.iter().map(|score| score.name()).collect();
     let is_named = |known: &&str| *known == name || name.eq_ignore_ascii_case(short_name(known));
@@ -290,7 +285,7 @@ impl Tuner<'_> {
     }
 
     /// A new search from the settings of the plan.
-    fn search(&self) -> Result<Evolution, JobError> {
+    fn search(&self) -> Result<Evolution> {
         let unit = |i: &usize| self.named.parameters[*i].about.unit_of(self.base[*i]);
         let start: Vec<f64> = self.places.iter().map(unit).collect();
         let settings = EvolutionSettings {
@@ -313,7 +308,7 @@ impl Tuner<'_> {
     }
 
     /// Checks that a kept search is one of these inputs.
-    fn check_same(&self, kept: &Checkpoint, inputs: &str, folder: &TuneFolder) -> Result<(), JobError> {
+    fn check_same(&self, kept: &Checkpoint, inputs: &str, folder: &TuneFolder) -> Result<()> {
         if kept.inputs == inputs && kept.varied == self.names() {
             Ok(())
         } else {
@@ -328,7 +323,7 @@ impl Tuner<'_> {
     }
 
     /// Checks every frame and its reference before anything is written.
-    fn check_frames(&self) -> Result<(), JobError> {
+    fn check_frames(&self) -> Result<()> {
         for case in &self.cases {
             let frame = read_frame(&case.raw, &self.plan.frame, self.context)?;
             case.read_reference((frame.height, frame.width))?;
@@ -337,7 +332,7 @@ impl Tuner<'_> {
     }
 
     /// Writes a search that has a start.
-    fn keep(&self, folder: &TuneFolder, kept: &Checkpoint) -> Result<(), JobError> {
+    fn keep(&self, folder: &TuneFolder, kept: &Checkpoint) -> Result<()> {
         if kept.start.is_none() {
             return Ok(());
         }
@@ -348,7 +343,7 @@ impl Tuner<'_> {
     }
 
     /// Goes on until the budget is spent or the job is cancelled.
-    fn tune(&self, budget: usize, folder: &TuneFolder, kept: &mut Checkpoint) -> Result<Response, JobError> {
+    fn tune(&self, budget: usize, folder: &TuneFolder, kept: &mut Checkpoint) -> Result<Response> {
         let sign = if self.score.higher_is_better() { 1.0 } else { -1.0 };
         if kept.start.is_none()
             && let Some(scores) = self.scores(std::slice::from_ref(&self.base))?
@@ -422,7 +417,7 @@ impl Tuner<'_> {
     }
 
     /// The settings file of the best settings.
-    fn tuned(&self, kept: &Checkpoint) -> Result<String, JobError> {
+    fn tuned(&self, kept: &Checkpoint) -> Result<String> {
         let (score, values) = self.best(kept);
         let head = format!(
             "Tuned by `petzval isp tune`: {} {score:.4} {}, {:.4} before; {} settings tried on {} frames.",
@@ -450,7 +445,7 @@ impl Tuner<'_> {
     /// Mean score of each list of values over all frames; none if the job is cancelled meanwhile.
     ///
     /// Frame after frame, so that only one frame and its pictures are in memory.
-    fn scores(&self, points: &[Vec<f64>]) -> Result<Option<Vec<f64>>, JobError> {
+    fn scores(&self, points: &[Vec<f64>]) -> Result<Option<Vec<f64>>> {
         let mut sums = vec![0.0; points.len()];
         for case in &self.cases {
             if self.context.is_cancelled() {

@@ -12,7 +12,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::super::focus::{FocusAt, focused};
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 
 /// Most surfaces of a lens that is edited; real lenses have a tenth of it.
 const MOST_SURFACES: usize = 500;
@@ -190,7 +190,7 @@ pub(super) struct Editor<'a> {
 
 impl Editor<'_> {
     /// Applies an edit. What solves and pickups settle is settled by [`settle`] afterwards.
-    pub fn apply(&self, edit: &Edit, file: &mut LensFile) -> Result<(), JobError> {
+    pub fn apply(&self, edit: &Edit, file: &mut LensFile) -> Result<()> {
         // What a source publishes is of the lens as it was.
         file.expect = None;
         let index = |surface: usize| index(surface, &file.lens);
@@ -304,7 +304,7 @@ impl Editor<'_> {
         Ok(())
     }
 
-    fn set_glass(&self, i: usize, name: &str, lens: &mut Lens) -> Result<(), JobError> {
+    fn set_glass(&self, i: usize, name: &str, lens: &mut Lens) -> Result<()> {
         if lens.surfaces[i].action == Action::Reflect {
             let message = format!("surface {} is a mirror: the medium behind it is that of its front", i + 1);
             return Err(JobError::input(message, "change the glass of the surface in front of it"));
@@ -328,7 +328,7 @@ impl Editor<'_> {
 
 /// Settles what follows other numbers: pickups, then the solve for the length, then that for the focal length. Bounds of variables are widened to
 /// enclose the lens.
-pub(super) fn settle(file: &mut LensFile) -> Result<(), JobError> {
+pub(super) fn settle(file: &mut LensFile) -> Result<()> {
     use petzval_optics::solve::{with_efl, with_length, with_magnification};
     for pickup in &file.pickups {
         let followed = file.variables[pickup.variable];
@@ -367,7 +367,7 @@ pub(super) fn settle(file: &mut LensFile) -> Result<(), JobError> {
 }
 
 /// Place of a surface in the list.
-fn index(surface: usize, lens: &Lens) -> Result<usize, JobError> {
+fn index(surface: usize, lens: &Lens) -> Result<usize> {
     surface.checked_sub(1).filter(|i| *i < lens.surfaces.len()).ok_or_else(|| {
         let hint = format!("the lens has the surfaces 1 to {}", lens.surfaces.len());
         JobError::setting("surface", surface, "the lens has no such surface", hint)
@@ -375,7 +375,7 @@ fn index(surface: usize, lens: &Lens) -> Result<usize, JobError> {
 }
 
 /// Refuses a surface without a shape.
-fn shaped(i: usize, lens: &Lens) -> Result<usize, JobError> {
+fn shaped(i: usize, lens: &Lens) -> Result<usize> {
     if lens.surfaces[i].has_number(Number::Curvature) {
         return Ok(i);
     }
@@ -384,7 +384,7 @@ fn shaped(i: usize, lens: &Lens) -> Result<usize, JobError> {
 }
 
 /// Numbers in ascending order, of which at least one must be there and none twice.
-fn ascending(key: &'static str, values: &[f64]) -> Result<Vec<f64>, JobError> {
+fn ascending(key: &'static str, values: &[f64]) -> Result<Vec<f64>> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     sorted.dedup();
@@ -395,7 +395,7 @@ fn ascending(key: &'static str, values: &[f64]) -> Result<Vec<f64>, JobError> {
 }
 
 /// The number of a surface that lens files call by a name.
-fn named(parameter: &str, surface: &Surface, number: usize) -> Result<Number, JobError> {
+fn named(parameter: &str, surface: &Surface, number: usize) -> Result<Number> {
     let all = || Number::ALL.into_iter().filter(|number| !parameter_name(surface, *number).is_empty());
     all().find(|number| parameter_name(surface, *number) == parameter).ok_or_else(|| {
         let known: Vec<String> = all().map(|number| parameter_name(surface, number)).collect();
@@ -438,12 +438,7 @@ fn keep_variables(file: &mut LensFile, is_kept: impl Fn(&Variable) -> bool) {
 }
 
 /// A variable within bounds; those that are not given lie about the own value.
-fn variable(
-    surface: usize,
-    number: Number,
-    bounds: [Option<f64>; 2],
-    lens: &Lens,
-) -> Result<Variable, JobError> {
+fn variable(surface: usize, number: Number, bounds: [Option<f64>; 2], lens: &Lens) -> Result<Variable> {
     if let [Some(min), Some(max)] = bounds {
         if min < max {
             return Ok(Variable { surface, number, min, max });
@@ -528,7 +523,7 @@ fn move_mentions(file: &mut LensFile, from: usize, to: impl Fn(usize) -> usize) 
 }
 
 /// Inserts a plane without effect.
-fn insert(before: usize, file: &mut LensFile) -> Result<(), JobError> {
+fn insert(before: usize, file: &mut LensFile) -> Result<()> {
     let count = file.lens.surfaces.len();
     if count >= MOST_SURFACES {
         let message = format!("a lens has {MOST_SURFACES} surfaces at most");
@@ -564,7 +559,7 @@ fn insert(before: usize, file: &mut LensFile) -> Result<(), JobError> {
 }
 
 /// Deletes a surface, with its variables and solves.
-fn delete(i: usize, file: &mut LensFile) -> Result<(), JobError> {
+fn delete(i: usize, file: &mut LensFile) -> Result<()> {
     if file.lens.surfaces.len() == 1 {
         return Err(JobError::input("a lens has one surface at least", "insert another one first"));
     }
@@ -589,7 +584,7 @@ fn delete(i: usize, file: &mut LensFile) -> Result<(), JobError> {
 }
 
 /// Scales a lens to a focal length.
-fn scale_to(efl_mm: f64, file: &mut LensFile) -> Result<(), JobError> {
+fn scale_to(efl_mm: f64, file: &mut LensFile) -> Result<()> {
     let own_mm = first_order(&file.lens.at_wavelength(file.lens.reference_um)).efl_mm;
     let factor = efl_mm / own_mm;
     let refused = |message: String, hint: &str| Err(JobError::input(message, hint));

@@ -9,7 +9,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::input::LensInput;
 
 pub use change::Edit;
@@ -65,7 +65,7 @@ pub(crate) struct Edited {
 }
 
 /// Reads a lens and changes it.
-pub(crate) fn edited(lens: &LensInput, edits: &[Edit], context: &Context) -> Result<Edited, JobError> {
+pub(crate) fn edited(lens: &LensInput, edits: &[Edit], context: &Context) -> Result<Edited> {
     let (name, context) = &lens.placed(context)?;
     let import = context.assets.import_start(name)?;
     let catalog = context.assets.catalog()?;
@@ -87,13 +87,13 @@ pub(crate) fn edited(lens: &LensInput, edits: &[Edit], context: &Context) -> Res
 }
 
 /// Refuses a lens that has no meaning.
-fn refuse_impossible(file: &LensFile) -> Result<(), JobError> {
+fn refuse_impossible(file: &LensFile) -> Result<()> {
     let hint = "the lens stays as it was";
     traceable(&file.lens).map_err(|defect| JobError::input(defect.to_string(), hint))
 }
 
 /// Checks that a lens file can be read; why its lens cannot be built, if it cannot.
-fn read_again(toml: &str, catalog: &Catalog) -> Result<Option<String>, JobError> {
+fn read_again(toml: &str, catalog: &Catalog) -> Result<Option<String>> {
     match parse_lens_start(toml, catalog) {
         Ok(import) => Ok(import.unbuildable.map(|error| error.message)),
         Err(error) => {
@@ -104,7 +104,7 @@ fn read_again(toml: &str, catalog: &Catalog) -> Result<Option<String>, JobError>
 }
 
 /// Changes the lens, and writes its text.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let Edited { file, toml, losses, unbuildable } = edited(&request.lens, &request.edits, context)?;
     let catalog = context.assets.catalog()?;
     let export = match request.format {

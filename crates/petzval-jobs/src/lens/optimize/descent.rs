@@ -13,7 +13,7 @@ use petzval_optics::optimize::{
 use super::history::{History, KeptDescent};
 use super::progress::{Clock, KEEP_EVERY, STEP_SHARE, Upto, WORTH_IT, line, not_optimisable};
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 
 /// A descent of a problem by another way than straight down.
 type Way = fn(
@@ -36,7 +36,7 @@ pub(super) fn descent(
     history: &mut History,
     Upto { iterations, again, .. }: Upto,
     context: &Context,
-) -> Result<Analysis, JobError> {
+) -> Result<Analysis> {
     let clock = Clock::start(history);
     let kept = history.descent()?;
     let mut own = problem.clone();
@@ -126,7 +126,7 @@ fn add(
     analysis: &Analysis,
     at: &[f64],
     context: &Context,
-) -> Result<(), JobError> {
+) -> Result<()> {
     let seconds = clock.seconds();
     context.note(line(&format!("iteration {iteration}"), seconds, problem, analysis));
     let lens = history.add(problem, 0, seconds, analysis, at, &[])?;

@@ -22,7 +22,7 @@ use petzval_optics::pupil::PupilSampling;
 use petzval_optics::solve::magnification;
 
 use super::operand::goals_of;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::range::check_ranges;
 
 petzval_base::parameters! {
@@ -85,7 +85,7 @@ petzval_base::parameters! {
 
 impl Goal {
     /// The problem of bringing a lens there.
-    pub(super) fn problem(&self, file: &LensFile, assets: &Assets) -> Result<Problem, JobError> {
+    pub(super) fn problem(&self, file: &LensFile, assets: &Assets) -> Result<Problem> {
         check_ranges(self)?;
         self.restored.as_ref().map_or(Ok(()), check_ranges)?;
         let mut problem = Problem::new(file.lens.clone());
@@ -174,7 +174,7 @@ impl Goal {
     }
 
     /// The variables of the file and those of further kinds that nothing settles yet; the usual ones if there are neither.
-    fn variables(&self, file: &LensFile) -> Result<Vec<Variable>, JobError> {
+    fn variables(&self, file: &LensFile) -> Result<Vec<Variable>> {
         if self.vary.is_empty() {
             return if file.variables.is_empty() { wide(&file.lens) } else { Ok(file.variables.clone()) };
         }
@@ -200,7 +200,7 @@ impl Goal {
         Ok(variables)
     }
 
-    fn glass_choices(&self, lens: &Lens, catalog: &Catalog) -> Result<Vec<GlassChoice>, JobError> {
+    fn glass_choices(&self, lens: &Lens, catalog: &Catalog) -> Result<Vec<GlassChoice>> {
         let mut choices: Vec<GlassChoice> = Vec::new();
         for choice in &self.glass {
             let (surface, names) = choice.split_once('=').unwrap_or((choice, "all"));
@@ -234,7 +234,7 @@ impl Goal {
         Ok(choices)
     }
 
-    pub(in crate::lens) fn limits(&self) -> Result<Limits, JobError> {
+    pub(in crate::lens) fn limits(&self) -> Result<Limits> {
         let back_focal_mm = match self.bfl[..] {
             [] => None,
             [min, max] if min <= max => Some([min, max]),
@@ -256,7 +256,7 @@ impl Goal {
         })
     }
 
-    fn efl_solve(&self, file: &LensFile) -> Result<Option<EflSolve>, JobError> {
+    fn efl_solve(&self, file: &LensFile) -> Result<Option<EflSolve>> {
         let own_mm = first_order(&file.lens.at_wavelength(file.lens.reference_um)).efl_mm;
         let Some(wanted) = self.efl.as_deref() else {
             // A lens that only got longer would look better. One that is afocal, or has no surface for it, is left free; one for a near object keeps its
@@ -327,7 +327,7 @@ fn holding(file: &LensFile) -> Option<(usize, Option<[f64; 2]>)> {
 
 impl Restored {
     /// The error as a merit: PSFs to the corner of the sensor, in the colours in which the spots are judged if these are three.
-    fn merit(&self, spots: &SpotResiduals, assets: &Assets) -> Result<RestoredError, JobError> {
+    fn merit(&self, spots: &SpotResiduals, assets: &Assets) -> Result<RestoredError> {
         let sensor = assets.sensor(&self.sensor)?;
         let exposure = Exposure { white_e: self.white_e, ..ExposureConfig::default().exposure() };
         let mut psf = PsfConfig::default();
@@ -370,12 +370,7 @@ fn one_of_each_kind<'a>(glasses: impl Iterator<Item = &'a Arc<Glass>>) -> Vec<Ar
 }
 
 /// Refuses a setting one of whose values is out of range.
-fn check(
-    key: &'static str,
-    values: &[f64],
-    is_in_range: impl Fn(f64) -> bool,
-    hint: &str,
-) -> Result<(), JobError> {
+fn check(key: &'static str, values: &[f64], is_in_range: impl Fn(f64) -> bool, hint: &str) -> Result<()> {
     if values.iter().all(|v| is_in_range(*v)) {
         Ok(())
     } else {
@@ -388,7 +383,7 @@ fn list(values: &[f64]) -> String {
 }
 
 /// The variables of a lens whose file names none.
-fn wide(lens: &Lens) -> Result<Vec<Variable>, JobError> {
+fn wide(lens: &Lens) -> Result<Vec<Variable>> {
     let none = || {
         JobError::input("the lens has no curved surface between two media", "give it [[variable]] entries")
     };

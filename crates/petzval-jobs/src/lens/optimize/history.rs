@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use super::goal::Goal;
 use crate::context::Context;
-use crate::error::{JobError, json, make_folder, write_file};
+use crate::error::{JobError, Result, json, make_folder, write_file};
 
 /// The lens of the last step.
 const BEST: &str = "best.toml";
@@ -103,7 +103,7 @@ pub struct Step {
 
 impl History {
     /// Begins a new folder.
-    pub fn create(root: &Path, file: &LensFile, config: &Config) -> Result<Self, JobError> {
+    pub fn create(root: &Path, file: &LensFile, config: &Config) -> Result<Self> {
         let ours = ["history.jsonl", BEST, "start.toml", "config.json", SEARCH, DESCENT];
         if ours.iter().any(|name| root.join(name).exists()) {
             let hint =
@@ -126,7 +126,7 @@ impl History {
     }
 
     /// Opens a folder, back to step `rewind` if given: later steps are forgotten.
-    pub fn open(root: &Path, rewind: Option<usize>, context: &Context) -> Result<(Self, Config), JobError> {
+    pub fn open(root: &Path, rewind: Option<usize>, context: &Context) -> Result<(Self, Config)> {
         let read = |name: &str| {
             petzval_base::read_text(root.join(name)).map_err(|e| {
                 let what = format!("{}: {e}", root.join(name).display());
@@ -212,7 +212,7 @@ impl History {
     }
 
     /// Writes that page.
-    pub fn write_page(&self, html: &str) -> Result<(), JobError> {
+    pub fn write_page(&self, html: &str) -> Result<()> {
         self.write(PAGE, html)
     }
 
@@ -223,31 +223,31 @@ impl History {
     }
 
     /// Keeps what the optimisation does.
-    pub fn keep_config(&self, config: &Config) -> Result<(), JobError> {
+    pub fn keep_config(&self, config: &Config) -> Result<()> {
         self.write("config.json", &json(config)?)
     }
 
     /// The state from which a search continues, if one was kept.
-    pub fn search(&self) -> Result<Option<KeptSearch>, JobError> {
+    pub fn search(&self) -> Result<Option<KeptSearch>> {
         self.kept(SEARCH)
     }
 
     /// Keeps the state from which a search continues.
-    pub fn keep_search(&self, kept: &KeptSearch) -> Result<(), JobError> {
+    pub fn keep_search(&self, kept: &KeptSearch) -> Result<()> {
         self.write(SEARCH, &json(kept)?)
     }
 
     /// The state from which a descent continues, if one was kept.
-    pub fn descent(&self) -> Result<Option<KeptDescent>, JobError> {
+    pub fn descent(&self) -> Result<Option<KeptDescent>> {
         self.kept(DESCENT)
     }
 
     /// Keeps the state from which a descent continues.
-    pub fn keep_descent(&self, kept: &KeptDescent) -> Result<(), JobError> {
+    pub fn keep_descent(&self, kept: &KeptDescent) -> Result<()> {
         self.write(DESCENT, &json(kept)?)
     }
 
-    fn kept<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>, JobError> {
+    fn kept<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>> {
         let path = self.root.join(name);
         let Some(text) = text_if_there(&path)? else { return Ok(None) };
         let kept = serde_json::from_str(&text).map_err(|e| {
@@ -257,7 +257,7 @@ impl History {
     }
 
     /// Writes the best lens without a step of the history, if it can be built.
-    pub fn keep_best(&self, problem: &Problem, analysis: &Analysis) -> Result<(), JobError> {
+    pub fn keep_best(&self, problem: &Problem, analysis: &Analysis) -> Result<()> {
         let found = self.found(problem, analysis);
         if validate(&found.lens).is_err() {
             return Ok(());
@@ -274,7 +274,7 @@ impl History {
         analysis: &Analysis,
         at: &[f64],
         glasses: &[usize],
-    ) -> Result<Option<PathBuf>, JobError> {
+    ) -> Result<Option<PathBuf>> {
         let found = self.found(problem, analysis);
         if validate(&found.lens).is_err() {
             return Ok(None);
@@ -332,7 +332,7 @@ impl History {
         LensFile { lens, expect: None, variables, pickups, efl_solve, magnification_solve, length_solve }
     }
 
-    fn write_steps(&self) -> Result<(), JobError> {
+    fn write_steps(&self) -> Result<()> {
         let mut text = String::new();
         for step in &self.steps {
             text += &serde_json::to_string(step).map_err(|e| JobError::failed(e.to_string()))?;
@@ -341,13 +341,13 @@ impl History {
         self.write("history.jsonl", &text)
     }
 
-    fn write(&self, name: &str, text: &str) -> Result<(), JobError> {
+    fn write(&self, name: &str, text: &str) -> Result<()> {
         write_file(&self.root.join(name), text)
     }
 }
 
 /// The text of a file; none if there is no such file.
-fn text_if_there(path: &Path) -> Result<Option<String>, JobError> {
+fn text_if_there(path: &Path) -> Result<Option<String>> {
     match petzval_base::read_text(path) {
         Ok(text) => Ok(Some(text)),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),

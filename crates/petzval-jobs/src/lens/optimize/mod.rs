@@ -31,7 +31,7 @@ use self::trade::{check_trade, trades};
 use super::focus::{NoImage, no_image};
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::event::WarningKind;
 
 pub use figures::{Figures, OperandFigure};
@@ -40,7 +40,7 @@ pub use petzval_optics::design_space::Vary;
 pub use request::{Found, Request, Response, Start, Trade};
 
 /// Reads an operand file.
-pub fn read_operands(path: &Path) -> Result<OperandFile, JobError> {
+pub fn read_operands(path: &Path) -> Result<OperandFile> {
     let text = petzval_base::read_text(path).map_err(DesignError::io(path))?;
     Ok(parse_operands(&text).map_err(DesignError::input(path))?)
 }
@@ -73,7 +73,7 @@ pub(crate) const UNIT: AsUnit<Request> = AsUnit {
 ///
 /// The folder holds the best lens (`best.toml`), every better lens on the way (`lens/step-N.toml`, `history.jsonl`) and what
 /// is needed to continue. Once it is cancelled it writes the best lens so far and its page, and [`JobError::Stopped`] holds the response.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     request.check()?;
     let assets = &context.assets;
     let (mut history, config, mut problem, upto) = match &request.start {
@@ -219,7 +219,7 @@ fn with_own_apertures(fitted: Lens, file: &LensFile) -> Lens {
 
 /// The configuration with which an optimisation continues, and where it ends. It ends where it would have ended at first, or after as many
 /// further steps as the request says. The kept totals never shrink.
-fn continued(config: Config, request: &Request, history: &History) -> Result<(Config, Upto), JobError> {
+fn continued(config: Config, request: &Request, history: &History) -> Result<(Config, Upto)> {
     let all = Upto::of(&config);
     let done = history.descent()?.map_or(0, |kept| kept.state.iterations);
     let rounds_done = history.search()?.map_or(0, |kept| kept.state.round);
@@ -249,7 +249,7 @@ fn warn_of_another_level(config: &Config, context: &Context) {
 }
 
 /// The problem of a new optimisation, once the lens, its variables and the goal are known to fit together.
-fn new_problem(config: &Config, file: &LensFile, assets: &Assets) -> Result<Problem, JobError> {
+fn new_problem(config: &Config, file: &LensFile, assets: &Assets) -> Result<Problem> {
     if !config.global && !config.goal.glass.is_empty() {
         return Err(JobError::setting("glass", "", "a descent leaves glasses as they are", "add --global"));
     }
@@ -279,7 +279,7 @@ fn at_bounds(problem: &Problem, lens: &Lens) -> Vec<String> {
 }
 
 /// Refuses a lens one of whose thicknesses leads against the light and stays so where its variables begin.
-fn check_directions(problem: &Problem) -> Result<(), JobError> {
+fn check_directions(problem: &Problem) -> Result<()> {
     let space = problem.space().map_err(|e| not_optimisable(&e))?;
     let lens = space.lens_at(&space.start()).map_err(|e| not_optimisable(&e))?;
     match (0..lens.surfaces.len()).find(|i| lens.goes_against_the_light(*i)) {

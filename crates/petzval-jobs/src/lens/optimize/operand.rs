@@ -11,7 +11,7 @@ use petzval_optics::merit::{FieldSet, Merit, Mtf, RmsSpot, RmsWavefront, Violati
 use petzval_optics::optimize::{Goal, Problem};
 use petzval_optics::psf::PsfKind;
 
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 
 /// By how much a bound is taken more strictly than it stands, mm: a penalty ends a little beyond its limit, and that must be within the bound.
 const INSIDE_MM: f64 = 1e-4;
@@ -21,10 +21,7 @@ const INSIDE: f64 = 1e-3;
 
 /// What an operand adds to what is minimised: contrast and spots at every field that it means, each as a figure of its own, which descents can
 /// tell apart. Its wavelengths are those of the problem. The constraint of a bound that binds comes second.
-pub(super) fn goals_of(
-    operand: &Operand,
-    problem: &Problem,
-) -> Result<(Vec<Goal>, Option<Constraint>), JobError> {
+pub(super) fn goals_of(operand: &Operand, problem: &Problem) -> Result<(Vec<Goal>, Option<Constraint>)> {
     let mut lens = problem.base.clone();
     lens.wavelengths_um.clone_from(&problem.merit.wavelengths_um);
     let limit_deg = lens.object.field_limit_deg();

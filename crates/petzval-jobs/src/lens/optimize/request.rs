@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::figures::Figures;
 use super::goal::Goal;
-use crate::error::JobError;
+use crate::error::Result;
 use crate::input::LensInput;
 use crate::range::check_ranges;
 
@@ -122,7 +122,7 @@ pub struct Trade {
 }
 
 impl Request {
-    pub(super) fn check(&self) -> Result<(), JobError> {
+    pub(super) fn check(&self) -> Result<()> {
         check_ranges(self)
     }
 

@@ -10,7 +10,7 @@ use super::history::{Config, History, KeptSearch};
 use super::progress::{Clock, KEEP_EVERY, STEP_SHARE, line, not_optimisable, with_more_rays};
 use super::request::Request;
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::Result;
 
 /// A global search.
 pub(super) fn search(
@@ -20,7 +20,7 @@ pub(super) fn search(
     rounds: u64,
     request: &Request,
     context: &Context,
-) -> Result<Option<Analysis>, JobError> {
+) -> Result<Option<Analysis>> {
     let options = SearchOptions { seed: config.seed, ..SearchOptions::default() };
     let kept = history.search()?;
     let mut search = match &kept {
@@ -83,16 +83,12 @@ pub(super) fn search(
 }
 
 /// Keeps what a search needs to continue.
-fn keep(search: &Search, best: Option<&(Analysis, Kept)>, history: &History) -> Result<(), JobError> {
+fn keep(search: &Search, best: Option<&(Analysis, Kept)>, history: &History) -> Result<()> {
     history.keep_search(&KeptSearch { state: search.state(), best: best.map(|(_, known)| known.clone()) })
 }
 
 /// The best lens of an earlier call with more rays.
-fn restored(
-    problem: &Problem,
-    options: SearchOptions,
-    known: Kept,
-) -> Result<Option<(Analysis, Kept)>, JobError> {
+fn restored(problem: &Problem, options: SearchOptions, known: Kept) -> Result<Option<(Analysis, Kept)>> {
     let alone = SearchState { round: known.round, kept: vec![known.clone()] };
     let search = Search::resume(problem, options, &alone).map_err(|e| not_optimisable(&e))?;
     let fine = search.best().and_then(|found| with_more_rays(problem, &found.analysis.lens));
@@ -105,7 +101,7 @@ fn enter_start(
     search: &Search,
     history: &mut History,
     context: &Context,
-) -> Result<Option<(Analysis, Kept)>, JobError> {
+) -> Result<Option<(Analysis, Kept)>> {
     let own = search.own_lens().map_err(|why| why.to_string());
     let fine = own.and_then(|own| {
         let fine = with_more_rays(problem, &own.analysis.lens);
@@ -127,7 +123,7 @@ fn enter_start(
 }
 
 /// Says why a search goes without the lens at its start.
-fn without_start(why: &str, context: &Context) -> Result<Option<(Analysis, Kept)>, JobError> {
+fn without_start(why: &str, context: &Context) -> Result<Option<(Analysis, Kept)>> {
     context.note(format!("the lens at the start does not compete: {why}"));
     Ok(None)
 }

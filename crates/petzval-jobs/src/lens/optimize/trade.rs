@@ -10,10 +10,10 @@ use super::history::Config;
 use super::progress::{line, not_optimisable, violations, with_more_rays};
 use super::request::{ROUNDS, Request, Trade};
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 
 /// Refuses to compare searches where none is made.
-pub(super) fn check_trade(config: &Config) -> Result<(), JobError> {
+pub(super) fn check_trade(config: &Config) -> Result<()> {
     if config.trade && !config.global {
         let message = "compares searches, and this is a descent";
         Err(JobError::setting("trade", "", message, "begin a search with --global"))
@@ -28,7 +28,7 @@ pub(super) fn trades(
     file: &LensFile,
     request: &Request,
     context: &Context,
-) -> Result<Vec<Trade>, JobError> {
+) -> Result<Vec<Trade>> {
     let at_least = |limit: Option<f64>, value: f64| Some(limit.map_or(value, |l| l.max(value)));
     let at_most = |limit: Option<f64>, value: f64| Some(limit.map_or(value, |l| l.min(value)));
     let colours = |g: &mut Goal| g.wavelengths = file.lens.wavelengths_um.clone();

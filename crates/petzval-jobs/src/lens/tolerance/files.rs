@@ -14,7 +14,7 @@ use super::findings::Findings;
 use super::report::{self, Better, Report, Sensitivity};
 use super::trials::made_again;
 use crate::context::Context;
-use crate::error::{JobError, json, write_file};
+use crate::error::{JobError, Result, json, write_file};
 use crate::results::what_is;
 
 /// Errors of one of the worst lenses that the page names.
@@ -27,7 +27,7 @@ pub(super) fn write_all(
     out: &Path,
     worst: usize,
     context: &Context,
-) -> Result<Vec<PathBuf>, JobError> {
+) -> Result<Vec<PathBuf>> {
     // A JSON value has its keys in order, as the command prints them.
     let sorted = serde_json::to_value(report).map_err(|e| JobError::failed(e.to_string()))?;
     let mut files = Vec::new();

@@ -25,7 +25,7 @@ use self::findings::Findings;
 use super::focus::check_image;
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::{JobError, make_folder};
+use crate::error::{JobError, Result, make_folder};
 use crate::input::LensInput;
 use crate::range::check_ranges;
 use crate::results::check_folder;
@@ -141,7 +141,7 @@ pub struct Response {
 }
 
 impl Request {
-    fn check(&self) -> Result<(), JobError> {
+    fn check(&self) -> Result<()> {
         check_ranges(self)?;
         self.check_part()?;
         if self.merit == Merit::Rms {
@@ -156,7 +156,7 @@ impl Request {
     }
 
     /// Fails if the part is none of the lenses, or if the request wants what a part does not have.
-    fn check_part(&self) -> Result<(), JobError> {
+    fn check_part(&self) -> Result<()> {
         let Some(Part { from, to }) = self.part else { return Ok(()) };
         if from >= to || to > self.trials {
             let message = format!("must hold lenses between 0 and {}, the trials", self.trials);
@@ -174,7 +174,7 @@ impl Request {
     }
 
     /// The tolerance file, with the grade for everything that it does not name.
-    fn tolerance_file(&self, lens: &Lens) -> Result<ToleranceFile, JobError> {
+    fn tolerance_file(&self, lens: &Lens) -> Result<ToleranceFile> {
         let mut file = match &self.tolerances {
             None => ToleranceFile { grade: Some(tolerance::Grade::Precision), ..ToleranceFile::default() },
             Some(path) => read(path, lens)?,
@@ -193,7 +193,7 @@ impl Request {
     }
 }
 
-pub(crate) fn read(path: &Path, lens: &Lens) -> Result<ToleranceFile, JobError> {
+pub(crate) fn read(path: &Path, lens: &Lens) -> Result<ToleranceFile> {
     let text = petzval_base::read_text(path)
         .map_err(|e| JobError::input(format!("{}: {e}", path.display()), "--tolerances takes a TOML file"))?;
     Ok(parse_tolerances(&text, lens).map_err(DesignError::input(path))?)
@@ -208,7 +208,7 @@ struct Subject {
 }
 
 impl Subject {
-    fn of(request: &Request, context: &Context) -> Result<Self, JobError> {
+    fn of(request: &Request, context: &Context) -> Result<Self> {
         request.check()?;
         let (name, context) = request.lens.placed(context)?;
         let lens = context.assets.lens(&name)?.lens;
@@ -234,7 +234,7 @@ impl Subject {
         Ok(Self { name, lens, tolerances, merit })
     }
 
-    fn study(&self) -> Result<Study<'_>, JobError> {
+    fn study(&self) -> Result<Study<'_>> {
         Study::new(&self.lens, &self.tolerances, self.merit.as_ref()).map_err(|error| {
             let hint = match error {
                 ToleranceError::NoMerit => "`petzval lens show` says which field has no spot",
@@ -246,7 +246,7 @@ impl Subject {
 }
 
 /// The random lens of a number, from 0, as the same request makes it.
-pub fn lens_of_trial(request: &Request, number: usize, context: &Context) -> Result<LensFile, JobError> {
+pub fn lens_of_trial(request: &Request, number: usize, context: &Context) -> Result<LensFile> {
     let subject = Subject::of(request, context)?;
     if number >= request.trials {
         let hint = match request.trials {
@@ -260,18 +260,17 @@ pub fn lens_of_trial(request: &Request, number: usize, context: &Context) -> Res
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    seed: Some(|request, seed| request.seed = seed),
-    place: Some(|request, folder| request.out = request.out.take().map(|_| folder.to_owned())),
-    ..AsUnit::PLAIN
-};
+pub(crate) const UNIT: AsUnit<Request> = AsUnit::seeded(
+    |request, seed| request.seed = seed,
+    |request, folder| request.out = request.out.take().map(|_| folder.to_owned()),
+);
 
 /// Finds the sensitivities, makes the random lenses, and writes the results.
 ///
 /// Files in the folder, if the request names one: `tolerance.html` (the page), `tolerance.json` (all figures), `sensitivities.csv`, `trials.csv` (every
 /// lens with all its errors), `tolerances.toml` (every tolerance, ready to be edited), `yield.svg`, `sensitivity.svg`, and the
 /// worst lenses.
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let subject = Subject::of(request, context)?;
     let study = subject.study()?;
     if let Some(out) = &request.out {
@@ -294,7 +293,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 }
 
 /// Makes the random lenses of a part.
-fn lenses(request: &Request, study: &Study, part: Part, context: &Context) -> Result<MonteCarlo, JobError> {
+fn lenses(request: &Request, study: &Study, part: Part, context: &Context) -> Result<MonteCarlo> {
     let count = (part.to - part.from) as u64;
     counted(context, "lenses", count, |tick| part::made(study, request.seed, part, tick))
 }
@@ -306,7 +305,7 @@ fn one_part(
     study: &Study,
     part: Part,
     context: &Context,
-) -> Result<Response, JobError> {
+) -> Result<Response> {
     let random = lenses(request, study, part, context)?;
     let made = MadeLenses::of(part, &random);
     let table = Sensitivities { nominal: study.nominal().value, rows: Vec::new(), estimate: None };
@@ -338,7 +337,7 @@ fn analysed(
     study: &Study,
     random: Option<MonteCarlo>,
     context: &Context,
-) -> Result<Response, JobError> {
+) -> Result<Response> {
     let Subject { lens, tolerances, .. } = subject;
     let count = tolerances.perturbations.len() as u64;
     let table = counted(context, "sensitivities", count, |tick| sensitivities(study, tick))?;
@@ -361,7 +360,7 @@ fn analysed(
 /// here, once, and files are written if the request has a folder.
 ///
 /// Fails if the parts are of another lens, seed or merit, if a lens is missing, or if one is in two parts that differ.
-pub fn join(request: &Request, parts: &[Response], context: &Context) -> Result<Response, JobError> {
+pub fn join(request: &Request, parts: &[Response], context: &Context) -> Result<Response> {
     let request = Request { part: None, ..request.clone() };
     let subject = Subject::of(&request, context)?;
     let study = subject.study()?;
@@ -420,7 +419,7 @@ fn counted<T>(
     text: &str,
     total: u64,
     work: impl FnOnce(&(dyn Fn() -> Result<(), Cancelled> + Sync)) -> Result<T, Cancelled>,
-) -> Result<T, JobError> {
+) -> Result<T> {
     let done = Tally::default();
     let tick = || {
         done.add(1, |done| context.progress(done, total, text));

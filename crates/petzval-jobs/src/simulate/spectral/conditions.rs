@@ -17,7 +17,7 @@ use petzval_optics::lens::Lens;
 use super::super::request::Request;
 use super::super::rig::Rig;
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::event::WarningKind;
 
 /// Prefix of an efficiency that is the same at all wavelengths.
@@ -34,7 +34,7 @@ pub struct Conditions {
 
 impl Conditions {
     /// Reads what the request names; the sensor of the rig gets the efficiency of `qe`.
-    pub fn new(request: &Request, rig: &mut Rig, context: &Context) -> Result<Self, JobError> {
+    pub fn new(request: &Request, rig: &mut Rig, context: &Context) -> Result<Self> {
         let (over, assets) = (&request.spectral, &context.assets);
         if let Some(curves) = &over.qe {
             rig.sensor.quantum_efficiency = Some(efficiency(curves, assets)?);
@@ -68,7 +68,7 @@ impl Conditions {
 }
 
 /// Curves by file, by built-in name, or one number.
-fn efficiency(curves: &str, assets: &Assets) -> Result<QuantumEfficiency, JobError> {
+fn efficiency(curves: &str, assets: &Assets) -> Result<QuantumEfficiency> {
     if let Some(value) = curves.strip_prefix(FLAT) {
         let flat = value.trim().parse().ok().and_then(QuantumEfficiency::flat);
         return flat.ok_or_else(|| {
@@ -83,7 +83,7 @@ fn efficiency(curves: &str, assets: &Assets) -> Result<QuantumEfficiency, JobErr
 }
 
 /// Checks that every colour of the filter array has a curve; the error names built-in curves that have them all.
-fn has_curves(sensor: &SensorModel, assets: &Assets) -> Result<(), JobError> {
+fn has_curves(sensor: &SensorModel, assets: &Assets) -> Result<()> {
     let colours = sensor.cfa.colours();
     let lacks = |curves: &QuantumEfficiency| colours.iter().find(|c| curves.curve(**c).is_none()).copied();
     let error = match &sensor.quantum_efficiency {
@@ -114,7 +114,7 @@ fn has_curves(sensor: &SensorModel, assets: &Assets) -> Result<(), JobError> {
 }
 
 /// A light by name, or the only curve of a file; built-in names come first.
-fn illuminant(name: &str) -> Result<Illuminant, JobError> {
+fn illuminant(name: &str) -> Result<Illuminant> {
     match Illuminant::named(name) {
         Err(IlluminantError::Unknown { .. }) if Path::new(name).is_file() => {
             Ok(Illuminant::from_spectrum(name, curve("--illuminant", name)?).map_err(DesignError::from)?)
@@ -129,7 +129,7 @@ fn illuminant(name: &str) -> Result<Illuminant, JobError> {
     }
 }
 
-fn transmission(text: &str) -> Result<Spectrum, JobError> {
+fn transmission(text: &str) -> Result<Spectrum> {
     let hint = "a number above 0 and up to 1, or a CSV file with a head line `wavelength_nm,transmission`";
     let wrong = |what: String| JobError::input(format!("--transmission {text}: {what}"), hint);
     let curve = match text.parse::<f64>() {
@@ -146,7 +146,7 @@ fn transmission(text: &str) -> Result<Spectrum, JobError> {
 }
 
 /// The only curve of a CSV file.
-fn curve(option: &str, path: &str) -> Result<Spectrum, JobError> {
+fn curve(option: &str, path: &str) -> Result<Spectrum> {
     let (path, text) = read(path)?;
     let table = SpectrumTable::parse(&text).map_err(DesignError::input(&path))?;
     let names: Vec<&str> = table.curves.iter().map(|(name, _)| name.as_str()).collect();
@@ -162,7 +162,7 @@ fn curve(option: &str, path: &str) -> Result<Spectrum, JobError> {
 }
 
 /// A file that is named on the command line, as text.
-fn read(path: &str) -> Result<(PathBuf, String), JobError> {
+fn read(path: &str) -> Result<(PathBuf, String)> {
     let path = PathBuf::from(path);
     let text = petzval_base::read_text(&path)
         .map_err(|e| JobError::input(format!("{}: {e}", path.display()), "give a CSV file that exists"))?;

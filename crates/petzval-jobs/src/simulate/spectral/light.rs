@@ -16,7 +16,7 @@ use super::super::request::Request;
 use super::super::rig::Rig;
 use super::conditions::Conditions;
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::event::WarningKind;
 
 /// Bands of scenes and photographs are at most so far apart, um, and at least so many, unless --bands gives another number.
@@ -50,7 +50,7 @@ pub struct Light {
 
 impl Light {
     /// Even bands over all wavelengths at which light, lens and sensor have something.
-    pub fn over_all(request: &Request, conditions: &Conditions, rig: &Rig) -> Result<Self, JobError> {
+    pub fn over_all(request: &Request, conditions: &Conditions, rig: &Rig) -> Result<Self> {
         let range = white_range_um(&rig.sensor, &conditions.optics, &conditions.illuminant)
             .map_err(DesignError::from)?;
         let (range, is_cut) = imaged_range(request, conditions, rig, range)?;
@@ -67,7 +67,7 @@ impl Light {
         rig: &Rig,
         path: &Path,
         band_um: &[f64],
-    ) -> Result<Self, JobError> {
+    ) -> Result<Self> {
         let light = Self::new(conditions, rig, band_um.to_vec()).map_err(|error| {
             JobError::input(
                 format!("{}: in its bands, {}, {error}", path.display(), range_nm(band_um)),
@@ -91,7 +91,7 @@ impl Light {
     }
 
     /// Refuses light that is nothing, or too much, for any sensor.
-    fn check_white(&self, request: &Request, conditions: &Conditions) -> Result<(), JobError> {
+    fn check_white(&self, request: &Request, conditions: &Conditions) -> Result<()> {
         let white_e = self.white.white_e();
         if WHITE_E.contains(&white_e) {
             return Ok(());
@@ -233,7 +233,7 @@ fn imaged_range(
     conditions: &Conditions,
     rig: &Rig,
     range: (f64, f64),
-) -> Result<((f64, f64), bool), JobError> {
+) -> Result<((f64, f64), bool)> {
     if request.spectral.three_band {
         return Ok((range, false));
     }

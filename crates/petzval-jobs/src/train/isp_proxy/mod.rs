@@ -23,7 +23,7 @@ use super::request::{Request as AnyRequest, located, stopped};
 use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::design::inputs_of;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::named_isp::{NamedIsp, isp_by_name};
 use crate::range::check_ranges;
 
@@ -97,7 +97,7 @@ pub(crate) const UNIT: AsUnit<Request> = AsUnit {
 ///
 /// The folder holds the weights, the description with the figures of the imitation (`proxy.toml`), pictures of proxy and ISP side by
 /// side (`proxy.html`), and what is needed to continue (`training.json`).
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let plan = request.plan()?;
     let plan = Plan { isp: located(&plan.isp)?, experiment: located(&plan.experiment)?, ..plan };
     check_ranges(&plan.training)?;
@@ -155,7 +155,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
 }
 
 /// Lens, sensor and photographs of the plan's experiment, with windows of the training's size.
-fn setup(plan: &Plan, context: &Context) -> Result<Setup, JobError> {
+fn setup(plan: &Plan, context: &Context) -> Result<Setup> {
     let mut experiment = context.assets.experiment(&plan.experiment)?;
     // Only the raw frames are wanted: the shortest development will do.
     experiment.development =
@@ -180,7 +180,7 @@ struct OnFrames<'a> {
 impl Training for OnFrames<'_> {
     type Losses = StepLosses;
 
-    fn step(&mut self, step: usize) -> Result<StepLosses, JobError> {
+    fn step(&mut self, step: usize) -> Result<StepLosses> {
         Ok(self.trainer.step(self.isp, step, &self.source.training(step as u64)?)?)
     }
 
@@ -198,7 +198,7 @@ impl Training for OnFrames<'_> {
         format!("errors: picture {picture:.4}, change {difference:.4} of {change:.4}")
     }
 
-    fn state(&self) -> Result<[Vec<u8>; 2], JobError> {
+    fn state(&self) -> Result<[Vec<u8>; 2]> {
         Ok(self.trainer.save()?)
     }
 }
@@ -210,7 +210,7 @@ fn description(
     values: &[f64],
     kept: &Kept,
     gap: &Gap,
-) -> Result<IspProxyFile, JobError> {
+) -> Result<IspProxyFile> {
     let name = |i: &usize| named.parameters[*i].name.clone();
     Ok(IspProxyFile {
         about: format!(
@@ -229,7 +229,7 @@ fn description(
     })
 }
 
-fn table(value: &impl Serialize) -> Result<toml::Table, JobError> {
+fn table(value: &impl Serialize) -> Result<toml::Table> {
     toml::Table::try_from(value).map_err(|e| JobError::failed(e.to_string()))
 }
 
@@ -261,7 +261,7 @@ fn pictures(
     trainer: &ProxyTrainer,
     values: &[f64],
     cancel: &Cancel,
-) -> Result<Vec<Pair>, JobError> {
+) -> Result<Vec<Pair>> {
     let mut pairs = Vec::new();
     for frame in frames.iter().step_by((frames.len() / SHOWN).max(1)).take(SHOWN) {
         cancel.check()?;

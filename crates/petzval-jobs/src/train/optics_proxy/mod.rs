@@ -21,7 +21,7 @@ use super::request::{Request as AnyRequest, located, stopped};
 use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::design::inputs_of;
-use crate::error::JobError;
+use crate::error::{JobError, Result};
 use crate::experiment::DEFAULT_EXPERIMENT;
 use crate::range::check_ranges;
 
@@ -35,19 +35,14 @@ const SHOWN_FIELDS: usize = 5;
 /// Turns the seed of a training into that of the lenses on which it is judged.
 const UNSEEN: u64 = 0x756e_7365_656e;
 
-/// What is imitated, and how.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Plan {
-    /// Experiment that gives lens, bounds, sensor and PSFs.
-    pub experiment: String,
-    /// Steps and size of the network.
-    pub training: OpticsTraining,
-}
-
-impl Default for Plan {
-    fn default() -> Self {
-        Self { experiment: DEFAULT_EXPERIMENT.to_owned(), training: OpticsTraining::default() }
+petzval_base::parameters! {
+    /// What is imitated, and how.
+    pub struct Plan {}
+    also {
+        /// Experiment that gives lens, bounds, sensor and PSFs.
+        experiment: String = DEFAULT_EXPERIMENT.to_owned();
+        /// Steps and size of the network.
+        training: OpticsTraining = OpticsTraining::default();
     }
 }
 
@@ -92,7 +87,7 @@ pub struct Response {
 impl Training for ProxyOpticsTrainer {
     type Losses = OpticsLosses;
 
-    fn step(&mut self, step: usize) -> Result<OpticsLosses, JobError> {
+    fn step(&mut self, step: usize) -> Result<OpticsLosses> {
         Ok(Self::step(self, step)?)
     }
 
@@ -110,7 +105,7 @@ impl Training for ProxyOpticsTrainer {
         format!("errors: PSF {psf:.3}, slopes {slope:.3}, illumination {illumination:.4}")
     }
 
-    fn state(&self) -> Result<[Vec<u8>; 2], JobError> {
+    fn state(&self) -> Result<[Vec<u8>; 2]> {
         Ok(self.save()?)
     }
 }
@@ -132,7 +127,7 @@ pub(crate) const UNIT: AsUnit<Request> = AsUnit {
 ///
 /// The folder holds the weights, the lens with the bounds within which lenses are drawn, the description with the figures of the
 /// comparison (`proxy.toml`), PSFs of network and tracing side by side (`proxy.html`), and what is needed to continue (`training.json`).
-pub fn run(request: &Request, context: &Context) -> Result<Response, JobError> {
+pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let plan = request.plan()?;
     let plan = Plan { experiment: located(&plan.experiment)?, ..plan };
     check_ranges(&plan.training)?;
@@ -209,7 +204,7 @@ fn description(
     proxy: &ProxyOptics,
     kept: &Kept,
     gap: &OpticsGap,
-) -> Result<OpticsProxyFile, JobError> {
+) -> Result<OpticsProxyFile> {
     let table = |value: toml::ser::Error| JobError::failed(value.to_string());
     Ok(OpticsProxyFile {
         about: format!(
@@ -235,7 +230,7 @@ fn description(
 }
 
 /// PSFs of unseen lenses, exact ones above those of the network.
-fn sheet(unseen: &LensSampler, proxy: &ProxyOptics, gap: &OpticsGap) -> Result<Sheet, JobError> {
+fn sheet(unseen: &LensSampler, proxy: &ProxyOptics, gap: &OpticsGap) -> Result<Sheet> {
     let radii = &unseen.plan().field_radius_mm;
     let last = radii.len() - 1;
     let shown: Vec<usize> = (0..SHOWN_FIELDS).map(|i| i * last / (SHOWN_FIELDS - 1)).collect();

@@ -4,26 +4,13 @@ use std::path::PathBuf;
 
 use crate::jobs::data::SourceFormat;
 use crate::jobs::data::convert::{self, Request};
-use clap::ValueEnum;
 
 use super::defects::table;
+use crate::cli::choice::choice;
 use crate::cli::code::Code;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
 use crate::cli::terminal::{Terminal, print_json};
-
-/// Format of a data set.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Format {
-    /// label_2/*.txt and image_2/.
-    Kitti,
-    /// JSON with labels[].box2d, and the pictures.
-    Bdd100k,
-    /// data.yaml and labels/*.txt, also as Roboflow and Ultralytics lay them out.
-    Yolo,
-    /// Annotations/*.xml and JPEGImages/.
-    Voc,
-}
 
 /// Convert a data set for object detection to the format of COCO, which all verbs read.
 ///
@@ -35,8 +22,8 @@ enum Format {
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Format of IN
-    #[arg(value_enum)]
-    format: Format,
+    #[arg(value_parser = choice::<SourceFormat>())]
+    format: SourceFormat,
     /// Folder of the data set; for bdd100k also its JSON file
     #[arg(value_name = "IN")]
     input: PathBuf,
@@ -57,15 +44,10 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
-    let format = match args.format {
-        Format::Kitti => SourceFormat::Kitti,
-        Format::Bdd100k => SourceFormat::Bdd100k,
-        Format::Yolo => SourceFormat::Yolo,
-        Format::Voc => SourceFormat::Voc,
-    };
-    let request = Request { format, input: args.input, out: args.out, copy: args.copy, turned: args.turned };
+    let Args { format, input, out, copy, turned, json } = args;
+    let request = Request { format, input, out, copy, turned };
     let response = convert::run(&request, &terminal.context())?;
-    if args.json {
+    if json {
         print_json(&response)?;
     } else {
         out!("{}", table(&response.statistics, &response.defects));

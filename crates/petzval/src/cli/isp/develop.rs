@@ -7,6 +7,7 @@ use crate::jobs::isp::develop::{self, Chroma, Container, Range, Standard, YcbcrF
 use clap::ValueEnum;
 
 use super::inputs::{FrameArgs, IspArgs};
+use crate::cli::choice::choice;
 use crate::cli::code::Code;
 use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
@@ -68,14 +69,14 @@ struct FileArgs {
     #[arg(long, value_enum, default_value_t = Format::of(develop::Request::default().ycbcr))]
     format: Format,
     /// Standard of luma in y4m and yuv
-    #[arg(long, value_enum, default_value = word(ycbcr().standard))]
-    luma: Luma,
+    #[arg(long, value_parser = choice::<Standard>(), default_value = word(ycbcr().standard))]
+    luma: Standard,
     /// Codes between black and white in y4m and yuv: 16 to 235, or all
-    #[arg(long, value_enum, default_value = word(ycbcr().range))]
-    range: Codes,
+    #[arg(long, value_parser = choice::<Range>(), default_value = word(ycbcr().range))]
+    range: Range,
     /// Colour differences in y4m and yuv: 4:2:0, 4:2:2 or 4:4:4
-    #[arg(long, value_enum, default_value = word(ycbcr().chroma))]
-    chroma: Subsampling,
+    #[arg(long, value_parser = choice::<Chroma>(), default_value = word(ycbcr().chroma))]
+    chroma: Chroma,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -86,35 +87,6 @@ enum Format {
     Y4m,
     /// Their planes one after the other
     Yuv,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Luma {
-    /// ITU-R BT.601
-    Bt601,
-    /// ITU-R BT.709
-    Bt709,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Codes {
-    /// All
-    Full,
-    /// 16 to 235, and 16 to 240 for colour differences, of 8 bits
-    Limited,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Subsampling {
-    /// One for two by two pixels
-    #[value(name = "420")]
-    HalfBoth,
-    /// One for two pixels of a row
-    #[value(name = "422")]
-    HalfWidth,
-    /// One for each pixel
-    #[value(name = "444")]
-    Every,
 }
 
 /// Luma and colour differences as a request has them.
@@ -141,20 +113,7 @@ impl FileArgs {
             Format::Y4m => Container::Y4m,
             Format::Yuv => Container::Yuv,
         };
-        let standard = match self.luma {
-            Luma::Bt601 => Standard::Bt601,
-            Luma::Bt709 => Standard::Bt709,
-        };
-        let range = match self.range {
-            Codes::Full => Range::Full,
-            Codes::Limited => Range::Limited,
-        };
-        let chroma = match self.chroma {
-            Subsampling::HalfBoth => Chroma::HalfBoth,
-            Subsampling::HalfWidth => Chroma::HalfWidth,
-            Subsampling::Every => Chroma::Every,
-        };
-        Some(YcbcrFile { container, standard, range, chroma })
+        Some(YcbcrFile { container, standard: self.luma, range: self.range, chroma: self.chroma })
     }
 }
 

@@ -2,10 +2,11 @@
 
 use std::path::PathBuf;
 
+use crate::jobs::lens::FocusAt;
 use crate::jobs::lens::analyze::{self, Analysis};
 use clap::builder::PossibleValuesParser;
 
-use super::focus::FocusAt;
+use crate::cli::choice::choice;
 use crate::cli::code::Code;
 use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
@@ -39,7 +40,7 @@ pub struct Args {
     #[arg(long, value_delimiter = ',', value_name = "UM,...")]
     wavelengths: Vec<f64>,
     /// Position of the image plane
-    #[arg(long, value_enum, default_value = word(analyze::Request::default().focus))]
+    #[arg(long, value_parser = choice::<FocusAt>(), default_value = word(analyze::Request::default().focus))]
     focus: FocusAt,
     /// Sensor file, or a built-in name: marks its Nyquist frequency in MTF curves
     #[arg(long, value_name = "NAME")]
@@ -66,7 +67,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         only: args.only,
         fields: args.fields,
         wavelengths: args.wavelengths,
-        focus: args.focus.into(),
+        focus: args.focus,
         sensor: args.sensor.map(Into::into),
         pixel_um: args.pixel_um,
         max_frequency: args.max_frequency,

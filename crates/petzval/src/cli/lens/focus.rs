@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use crate::jobs::lens::{self, focus};
-use clap::ValueEnum;
+use crate::jobs::lens::{FocusAt, focus};
 
+use crate::cli::choice::choice;
 use crate::cli::code::Code;
 use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
@@ -23,7 +23,7 @@ pub struct Args {
     #[arg(value_name = "OUT")]
     to: Option<PathBuf>,
     /// Position of the image plane
-    #[arg(long, value_enum, default_value = word(focus::Request::default().focus))]
+    #[arg(long, value_parser = choice::<FocusAt>(), default_value = word(focus::Request::default().focus))]
     at: FocusAt,
     /// Machine-readable output
     #[arg(long)]
@@ -32,7 +32,7 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
-    let request = focus::Request { lens: args.lens.into(), focus: args.at.into(), to: args.to };
+    let request = focus::Request { lens: args.lens.into(), focus: args.at, to: args.to };
     let response = focus::run(&request, &terminal.context())?;
     if args.json {
         return print_json(&response);
@@ -49,25 +49,4 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         outln!("{}", shown(to));
     }
     Ok(Code::SUCCESS)
-}
-
-/// Position of the image plane.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(super) enum FocusAt {
-    /// As in the file.
-    File,
-    /// At the paraxial image of the reference wavelength.
-    Paraxial,
-    /// Where the mean squared spot over the fields is least.
-    Best,
-}
-
-impl From<FocusAt> for lens::FocusAt {
-    fn from(focus: FocusAt) -> Self {
-        match focus {
-            FocusAt::File => Self::File,
-            FocusAt::Paraxial => Self::Paraxial,
-            FocusAt::Best => Self::Best,
-        }
-    }
 }

@@ -4,6 +4,7 @@ use crate::jobs::lens::list;
 
 use crate::cli::code::Code;
 use crate::cli::failure::Failure;
+use crate::cli::number::figure;
 use crate::cli::terminal::{Terminal, print_json};
 
 /// List the built-in lenses: focal length, f-number, largest field, and where the numbers come from.
@@ -25,13 +26,12 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let names = lenses.iter().map(|l| l.name.len()).fold("lens".len(), usize::max);
     outln!("{:<names$} {:>8} {:>8} {:>7} {:>10}  source", "lens", "surfaces", "EFL mm", "f/", "field deg");
     for l in &lenses {
-        let number = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.2}"));
         outln!(
             "{:<names$} {:>8} {:>8} {:>7} {:>10.1}  {}",
             l.name,
             l.surfaces,
-            number(l.efl_mm),
-            number(l.f_number),
+            figure(l.efl_mm, 2),
+            figure(l.f_number, 2),
             l.field_deg,
             l.source
         );

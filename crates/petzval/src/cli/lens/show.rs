@@ -2,13 +2,15 @@
 
 use std::sync::Arc;
 
+use crate::jobs::lens::FocusAt;
 use crate::jobs::lens::show::{self, Prescription, Response, Surface};
 use crate::jobs::{Context, Silent};
 
-use super::focus::FocusAt;
+use crate::cli::choice::choice;
 use crate::cli::code::Code;
 use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
+use crate::cli::number::figure;
 use crate::cli::terminal::{Terminal, print_json};
 
 /// Show a lens: a file, or the name of a built-in one.
@@ -17,7 +19,7 @@ pub struct Args {
     /// Lens file, or a built-in name such as cooke-triplet-nominal
     lens: String,
     /// Position of the image plane
-    #[arg(long, value_enum, default_value = word(show::Request::default().focus))]
+    #[arg(long, value_parser = choice::<FocusAt>(), default_value = word(show::Request::default().focus))]
     focus: FocusAt,
     /// Machine-readable output
     #[arg(long)]
@@ -26,7 +28,7 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
-    let request = show::Request { lens: args.lens.into(), focus: args.focus.into() };
+    let request = show::Request { lens: args.lens.into(), focus: args.focus };
     let response = match show::run(&request, &terminal.context()) {
         Ok(response) => response,
         Err(error) => {
@@ -75,11 +77,6 @@ fn prescription(name: &str, surfaces: &[Surface]) -> String {
         }
     }
     out
-}
-
-/// A figure with a number of decimals; a dash if it does not exist.
-fn figure(value: Option<f64>, decimals: usize) -> String {
-    value.map_or_else(|| "-".to_owned(), |value| format!("{value:.decimals$}"))
 }
 
 fn print(response: &Response) {

@@ -1,21 +1,12 @@
 //! `petzval lens trace`: one ray through every surface.
 
 use crate::jobs::lens::trace;
-use clap::ValueEnum;
 
+use crate::cli::choice::choice;
 use crate::cli::code::Code;
 use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::terminal::{Terminal, print_json};
-
-/// Meaning of the pupil point.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Aim {
-    /// The ray goes through this point of the real stop.
-    Real,
-    /// The ray goes through this point of the paraxial entrance pupil.
-    Paraxial,
-}
 
 /// Trace one ray and print its position and direction at every surface.
 #[derive(Debug, clap::Args)]
@@ -32,8 +23,8 @@ pub struct Args {
     #[arg(long, value_name = "PX,PY", value_delimiter = ',', required = true, allow_hyphen_values = true)]
     pupil: Vec<f64>,
     /// Surface of the pupil point
-    #[arg(long, value_enum, default_value = word(trace::Request::default().aim))]
-    aim: Aim,
+    #[arg(long, value_parser = choice::<trace::Aim>(), default_value = word(trace::Request::default().aim))]
+    aim: trace::Aim,
     /// Machine-readable output
     #[arg(long)]
     json: bool,
@@ -46,10 +37,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         field: args.field,
         wavelength: args.wavelength,
         pupil: args.pupil,
-        aim: match args.aim {
-            Aim::Real => trace::Aim::Real,
-            Aim::Paraxial => trace::Aim::Paraxial,
-        },
+        aim: args.aim,
     };
     let response = trace::run(&request, &terminal.context())?;
     if args.json {

@@ -3,25 +3,12 @@
 use std::path::PathBuf;
 
 use crate::jobs::raw::convert::{self, CfaPattern, Packing};
-use clap::ValueEnum;
 
+use crate::cli::choice::choice;
 use crate::cli::code::Code;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
 use crate::cli::terminal::{Terminal, print_json};
-
-/// Packing of digital numbers in a `.raw` file.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum PackAs {
-    /// MIPI CSI-2: 8, 10, 12 or 14 bits.
-    Mipi,
-    /// Contiguous bits, the lowest first.
-    Lsb,
-    /// Two bytes, the lower first.
-    U16le,
-    /// Two bytes, the upper first.
-    U16be,
-}
 
 /// Write a raw frame in another format. The name of OUT chooses it: .tiff, .png, .npy, .raw (packed) or .exr.
 ///
@@ -36,8 +23,8 @@ pub struct Args {
     #[arg(value_name = "OUT")]
     output: PathBuf,
     /// Packing of a .raw file [default: mipi if it supports the bits, else lsb; u16le for 16 bits]
-    #[arg(long, value_enum, value_name = "PACKING")]
-    packing: Option<PackAs>,
+    #[arg(long, value_parser = choice::<Packing>(), value_name = "PACKING")]
+    packing: Option<Packing>,
     /// Bits of the converter
     #[arg(long, value_name = "N")]
     bits: Option<u32>,
@@ -69,12 +56,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let request = convert::Request {
         input: args.input,
         output: args.output,
-        packing: args.packing.map(|packing| match packing {
-            PackAs::Mipi => Packing::Mipi,
-            PackAs::Lsb => Packing::Lsb,
-            PackAs::U16le => Packing::U16le,
-            PackAs::U16be => Packing::U16be,
-        }),
+        packing: args.packing,
         bits: args.bits,
         cfa: args.cfa,
         black_level_dn: args.black_level_dn,

@@ -3,22 +3,13 @@
 use std::path::PathBuf;
 
 use crate::jobs::sensor::capture;
-use clap::ValueEnum;
 
+use crate::cli::choice::choice;
 use crate::cli::code::Code;
 use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
 use crate::cli::terminal::{Terminal, print_json};
-
-/// Format of the frames.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Format {
-    /// 16-bit TIFF
-    Tiff,
-    /// 16-bit PNG: a third of the size, slower
-    Png,
-}
 
 /// Simulate the calibration series of a sensor.
 ///
@@ -71,8 +62,8 @@ pub struct Args {
     #[arg(long, value_name = "UM")]
     wavelength: Option<f64>,
     /// Format of the frames
-    #[arg(long, value_enum, default_value = word(capture::Request::default().format))]
-    format: Format,
+    #[arg(long, value_parser = choice::<capture::Format>(), default_value = word(capture::Request::default().format))]
+    format: capture::Format,
     /// Seed of the noise
     #[arg(long, default_value_t = capture::Request::default().seed)]
     seed: u64,
@@ -104,10 +95,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         level: args.level,
         quantum_efficiency: args.quantum_efficiency,
         wavelength: args.wavelength,
-        format: match args.format {
-            Format::Tiff => capture::Format::Tiff,
-            Format::Png => capture::Format::Png,
-        },
+        format: args.format,
         seed: args.seed,
     };
     let written = capture::run(&request, &terminal.context())?;

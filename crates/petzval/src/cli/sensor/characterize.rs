@@ -7,24 +7,12 @@ use crate::jobs::sensor::characterize::{
     self, Characterization, Colour, Figure, GAINS, HighPass, HistogramComparison, Measured, NamedFit, Values,
     Verdict, colour_name, fits,
 };
-use clap::ValueEnum;
 
+use crate::cli::choice::choice;
 use crate::cli::code::Code;
 use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::terminal::{Terminal, print_json};
-
-/// High-pass filter before non-uniformity.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Filter {
-    /// No filter
-    None,
-    /// 5x5 box of release 3.1
-    #[value(name = "r3.1")]
-    R31,
-    /// 7x7 box, 11x11 box and 3x3 binomial of release 4
-    R4,
-}
 
 /// Measure a sensor from captures.
 ///
@@ -42,8 +30,8 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// High-pass before DSNU and PRNU; the library has none, so it does not change the values of --compatible
-    #[arg(long, value_enum, default_value = word(characterize::Request::default().highpass))]
-    highpass: Filter,
+    #[arg(long, value_parser = choice::<HighPass>(), default_value = word(characterize::Request::default().highpass))]
+    highpass: HighPass,
     /// Derive every number as the EMVA 1288 Python library does, including its mistakes
     #[arg(long)]
     compatible: bool,
@@ -66,11 +54,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let request = characterize::Request {
         dir: args.dir,
         out: args.out,
-        highpass: match args.highpass {
-            Filter::None => HighPass::None,
-            Filter::R31 => HighPass::R31,
-            Filter::R4 => HighPass::R4,
-        },
+        highpass: args.highpass,
         values: if args.compatible { Values::Library } else { Values::Corrected },
         mean_difference: !args.no_mean_difference,
         fit_histograms: args.fit_histograms,

@@ -10,6 +10,7 @@ use crate::units::unit::read_units;
 use serde::Serialize;
 
 use super::super::failure::Failure;
+use super::super::number::figure;
 use super::super::plain::{self, shown};
 use super::super::terminal::{Terminal, print_json};
 use super::run::context;
@@ -63,14 +64,12 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         let report = &response.report;
         let lenses = report.monte_carlo.as_ref();
         let figures = lenses.map_or_else(String::new, |random| {
-            let number =
-                |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.4}"));
             format!(
                 ": {} lenses, mean {} {}, standard deviation {}",
                 random.trials,
-                number(random.mean),
+                figure(random.mean, 4),
                 report.unit,
-                number(random.standard_deviation)
+                figure(random.standard_deviation, 4)
             )
         });
         outln!(

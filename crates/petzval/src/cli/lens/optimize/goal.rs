@@ -1,34 +1,7 @@
 //! The goal of an optimisation as arguments.
 
+use crate::cli::choice::choice;
 use crate::jobs::lens::optimize::{Goal, Vary};
-use clap::ValueEnum;
-
-/// A kind of numbers.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Kind {
-    /// Curvatures.
-    Curvature,
-    /// Thicknesses of glass.
-    Thickness,
-    /// Gaps of air.
-    Air,
-    /// Conic constants.
-    Conic,
-    /// Aspheric coefficients a4 to a10.
-    Asphere,
-}
-
-impl From<Kind> for Vary {
-    fn from(kind: Kind) -> Self {
-        match kind {
-            Kind::Curvature => Self::Curvature,
-            Kind::Thickness => Self::Thickness,
-            Kind::Air => Self::Air,
-            Kind::Conic => Self::Conic,
-            Kind::Asphere => Self::Asphere,
-        }
-    }
-}
 
 /// The goal and the limits of an optimisation.
 #[derive(Debug, clap::Args)]
@@ -48,8 +21,8 @@ pub struct GoalArgs {
     #[arg(long, value_name = "MM|free", allow_hyphen_values = true)]
     efl: Option<String>,
     /// Kinds of numbers that vary beside the variables of the lens file, within bounds about their own values
-    #[arg(long, value_enum, value_delimiter = ',', value_name = "KIND,...")]
-    vary: Vec<Kind>,
+    #[arg(long, value_parser = choice::<Vary>(), value_delimiter = ',', value_name = "KIND,...")]
+    vary: Vec<Vary>,
     /// Glass that a search may exchange: the surface in front of it, and the glasses to choose from beside its own [default: the
     /// whole catalogue]
     #[arg(long, value_name = "SURFACE[=NAME,...]")]
@@ -91,7 +64,7 @@ impl From<GoalArgs> for Goal {
         Self {
             restored: None,
             operands: None,
-            vary: args.vary.into_iter().map(Vary::from).collect(),
+            vary: args.vary,
             wavelengths: args.wavelengths,
             fields: args.fields,
             power: args.power,

@@ -11,6 +11,7 @@ use clap::ValueEnum;
 use self::goal::GoalArgs;
 use crate::cli::code::Code;
 use crate::cli::failure::Failure;
+use crate::cli::number::figure;
 use crate::cli::plain::shown;
 use crate::cli::signals;
 use crate::cli::terminal::{RESUME, Terminal, ending, found, print_json};
@@ -171,8 +172,8 @@ fn print(response: &Response) {
     let start = found.start.as_ref().map(|start| start.rows(&response.fields_deg));
     outln!("\n{:<26} {:>12} {:>12}", "", if start.is_some() { "start" } else { "" }, "best");
     for (i, (name, best, unit)) in found.best.rows(&response.fields_deg).into_iter().enumerate() {
-        let start = start.as_ref().map_or_else(String::new, |rows| figure(rows[i].1));
-        outln!("{name:<26} {start:>12} {:>12} {unit}", figure(best));
+        let start = start.as_ref().map_or_else(String::new, |rows| figure(rows[i].1, 4));
+        outln!("{name:<26} {start:>12} {:>12} {unit}", figure(best, 4));
     }
     outln!(
         "RMS spots: all wavelengths together, through the real stop, on the image plane where they and the limits are best met; the \
@@ -190,10 +191,6 @@ fn print(response: &Response) {
     for bound in &found.at_bounds {
         outln!("on a bound: {bound}");
     }
-}
-
-fn figure(value: Option<f64>) -> String {
-    value.map_or_else(|| "-".to_owned(), |value| format!("{value:.4}"))
 }
 
 fn print_trades(trades: &[Trade]) {

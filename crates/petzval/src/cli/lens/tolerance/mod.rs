@@ -6,52 +6,14 @@ use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use crate::jobs::lens::tolerance::{self, Part, PsfKind};
-use clap::ValueEnum;
+use crate::jobs::lens::tolerance::{self, Compensate, Grade, Merit, Part, PsfKind};
 
+use crate::cli::choice::choice;
 use crate::cli::code::Code;
 use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
 use crate::cli::terminal::{Terminal, print_json};
-
-/// Grade of manufacturing.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum GradeName {
-    /// Any shop.
-    Commercial,
-    /// Good optics.
-    Precision,
-    /// The best that is available, at a price.
-    High,
-}
-
-/// Merit of a lens.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum MeritName {
-    /// RMS spot radius.
-    Rms,
-    /// Contrast at a spatial frequency.
-    Mtf,
-}
-
-/// Rays or waves.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Kind {
-    /// Rays.
-    Geometric,
-    /// Waves.
-    Diffraction,
-}
-
-/// What is adjusted on every lens.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Compensate {
-    /// The image plane goes where the merit is best.
-    Focus,
-    /// Nothing but the compensators of the tolerance file.
-    None,
-}
 
 /// Random lenses: all of a number of them, or those of some numbers.
 #[derive(Clone, Copy, Debug)]
@@ -107,23 +69,23 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     tolerances: Option<PathBuf>,
     /// Tolerances of a usual grade for everything that the file does not name (without a file: precision)
-    #[arg(long, value_enum)]
-    grade: Option<GradeName>,
+    #[arg(long, value_parser = choice::<Grade>())]
+    grade: Option<Grade>,
     /// Merit of a lens, over its fields (on both sides of the axis) and wavelengths
-    #[arg(long, value_enum, default_value = word(tolerance::Request::default().merit))]
-    merit: MeritName,
+    #[arg(long, value_parser = choice::<Merit>(), default_value = word(tolerance::Request::default().merit))]
+    merit: Merit,
     /// Spatial frequency of the MTF, cycles per mm
     #[arg(long, default_value_t = tolerance::Request::default().frequency, value_name = "PER_MM")]
     frequency: f64,
     /// Kind of the MTF: rays, accurate where spots are many times the Airy disk, or waves
-    #[arg(long, value_enum, default_value = word(tolerance::Request::default().kind))]
-    kind: Kind,
+    #[arg(long, value_parser = choice::<PsfKind>(), default_value = word(tolerance::Request::default().kind))]
+    kind: PsfKind,
     /// Number of random lenses; or A..B, to make only those of numbers A to B - 1, as a part that is joined with others later (see `petzval unit
     /// gather`)
     #[arg(long, default_value_t = Lenses::default(), value_name = "N")]
     trials: Lenses,
     /// What is adjusted on every lens
-    #[arg(long, value_enum, default_value = word(tolerance::Request::default().compensate))]
+    #[arg(long, value_parser = choice::<Compensate>(), default_value = word(tolerance::Request::default().compensate))]
     compensate: Compensate,
     /// Print how many lenses reach this merit
     #[arg(long, value_name = "MERIT", allow_negative_numbers = true)]
@@ -153,26 +115,13 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let request = tolerance::Request {
         lens: args.lens.into(),
         tolerances: args.tolerances,
-        grade: args.grade.map(|grade| match grade {
-            GradeName::Commercial => tolerance::Grade::Commercial,
-            GradeName::Precision => tolerance::Grade::Precision,
-            GradeName::High => tolerance::Grade::High,
-        }),
-        merit: match args.merit {
-            MeritName::Rms => tolerance::Merit::Rms,
-            MeritName::Mtf => tolerance::Merit::Mtf,
-        },
+        grade: args.grade,
+        merit: args.merit,
         frequency: args.frequency,
-        kind: match args.kind {
-            Kind::Geometric => PsfKind::Geometric,
-            Kind::Diffraction => PsfKind::Diffraction,
-        },
+        kind: args.kind,
         trials: args.trials.all,
         part: args.trials.part,
-        compensate: match args.compensate {
-            Compensate::Focus => tolerance::Compensate::Focus,
-            Compensate::None => tolerance::Compensate::None,
-        },
+        compensate: args.compensate,
         limit: args.limit,
         inverse: args.inverse,
         seed: args.seed,
