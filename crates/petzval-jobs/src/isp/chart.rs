@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, Result, make_folder, write_file};
+use crate::event::WarningKind;
 use crate::named_isp::isp_by_name;
 use crate::results::{check_folder, what_is};
 use crate::simulate;
@@ -28,6 +29,12 @@ const DEFAULT_QE: &str = "imx219";
 /// Samples of the chart along a side of a pixel, unless the camera of the request says how many. With two, which show the light at their middles,
 /// MTFs are right to 0.01 below 0.5 cycles a pixel.
 pub const SAMPLES: usize = 2;
+
+/// The white patch among those of the chart.
+const WHITE: usize = 18;
+
+/// L* above which a patch shows nothing but the end of the range.
+const CLIPPED_LIGHTNESS: f64 = 99.9;
 
 petzval_base::parameters! {
     /// A camera and an ISP to measure. What is left out has the default of the command.
@@ -119,6 +126,14 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         .map(|(_, reflectance)| seen_under(reflectance, &taken.illuminant))
         .collect();
     let figures = measure(&picture, &chart, &wanted, place);
+    let white = &figures.patches[WHITE];
+    if white.lab[0] > CLIPPED_LIGHTNESS {
+        let text = format!(
+            "the white patch is clipped: it has L* {:.1} and should have {:.1}; give the chart less light with --white-e",
+            white.lab[0], white.wanted_lab[0]
+        );
+        context.warning(WarningKind::Picture, text);
+    }
 
     make_folder(&request.out)?;
     let path = |name: &str| request.out.join(name);

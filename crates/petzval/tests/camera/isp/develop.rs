@@ -136,7 +136,17 @@ fn a_developed_chart_is_measured() {
     let page = read(&folder.path().join("plain/chart.html"));
     assert!(page.contains("moderate red") && page.contains("MTF50") && !page.contains("http://localhost"));
     let args = ["isp", "chart", "--sensor", "small.toml", "--no-noise", "--out", "table"];
-    let table = run_ok(folder.path(), &args).stdout;
+    let unclipped = run_ok(folder.path(), &args);
+    assert!(!unclipped.says("clipped"), "{}", unclipped.stderr);
+    let bright =
+        ["isp", "chart", "--sensor", "small.toml", "--no-noise", "--out", "bright", "--set", "gain.stops=1"];
+    let bright = run_ok(folder.path(), &bright);
+    assert!(
+        bright.says("the white patch is clipped: it has L* 100.0") && bright.says("--white-e"),
+        "{}",
+        bright.stderr
+    );
+    let table = unclipped.stdout;
     for words in ["dE00", "neutral 6.5", "4.1:1", "table/chart.html"] {
         assert!(table.contains(words), "{table}");
     }
