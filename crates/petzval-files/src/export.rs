@@ -53,7 +53,7 @@ pub(super) fn with_open_stop<'a>(lens: &'a Lens, losses: &mut Losses) -> Cow<'a,
         rounded(beam_mm),
         rounded(semi_mm)
     );
-    losses.add(0, &format!("surface {}", lens.stop + 1), Effect::NoRay, message);
+    losses.of_surface(lens.stop + 1, Effect::NoRay, message);
     let mut lens = lens.clone();
     lens.surfaces[lens.stop].semi_diameter_mm = beam_mm;
     Cow::Owned(lens)

@@ -23,22 +23,16 @@ pub fn exr_bytes(height: usize, width: usize, channels: &[(&str, &[f32])]) -> Re
     let mut list = SmallVec::new();
     for (name, values) in channels {
         if values.len() != pixels {
-            return Err(format!(
-                "channel {name}: {} values do not fill {height}x{width} pixels",
-                values.len()
-            ));
+            let count = values.len();
+            return Err(format!("channel {name}: {count} values do not fill {height}x{width} pixels"));
         }
         let Some(name) = exr::prelude::Text::new_or_none(name) else {
             return Err(format!("channel {name}: the name is not Latin text"));
         };
         list.push(AnyChannel::new(name, FlatSamples::F32(values.to_vec())));
     }
-    let layer = Layer::new(
-        (width, height),
-        LayerAttributes::default(),
-        Encoding::FAST_LOSSLESS,
-        AnyChannels::sort(list),
-    );
+    let (about, list) = (LayerAttributes::default(), AnyChannels::sort(list));
+    let layer = Layer::new((width, height), about, Encoding::FAST_LOSSLESS, list);
     let mut out = Cursor::new(Vec::new());
     Image::from_layer(layer).write().to_buffered(&mut out).map_err(|e| e.to_string())?;
     Ok(out.into_inner())

@@ -97,6 +97,16 @@ impl Losses {
         self.place(line, record, effect, message.into());
     }
 
+    /// Adds the loss of a value that the file does not state.
+    pub fn assume(&mut self, message: impl Into<String>) {
+        self.add(0, "", Effect::Assumed, message);
+    }
+
+    /// Adds a loss of a surface, counted from 1.
+    pub fn of_surface(&mut self, number: usize, effect: Effect, message: impl Into<String>) {
+        self.add(0, &format!("surface {number}"), effect, message);
+    }
+
     /// Adds a loss and returns its index in the list.
     fn place(&mut self, line: u32, record: &str, effect: Effect, message: String) -> usize {
         let word = cut(record.split_whitespace().next().unwrap_or(""));

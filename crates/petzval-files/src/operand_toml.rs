@@ -122,11 +122,8 @@ impl Operand {
     fn check(&self) -> Result<(), (&'static str, &'static str, &'static str)> {
         let is_positive = |v: Option<f64>| v.is_none_or(|v| v > 0.0 && v.is_finite());
         if !(self.weight_um > 0.0 && self.weight_um.is_finite()) {
-            return Err((
-                "weight_um",
-                "must be a positive number",
-                "100 counts one unit as much as 100 um of spot",
-            ));
+            let hint = "100 counts one unit as much as 100 um of spot";
+            return Err(("weight_um", "must be a positive number", hint));
         }
         if (self.of == Figure::Mtf) != self.frequency_per_mm.is_some() || !is_positive(self.frequency_per_mm)
         {

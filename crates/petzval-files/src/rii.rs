@@ -125,14 +125,10 @@ fn read_entry(entry: &Node, kind: &str) -> Result<(Option<Index>, Option<Extinct
             Ok((Some(table(rows.iter().map(|[um, n, _]| [*um, *n]).collect())), Some(k)))
         }
         ["formula", number] => {
-            let a = entry
-                .get("coefficients")
-                .ok_or_else(|| entry.error("coefficients", "the formula has none"))?;
-            let c =
-                a.text().and_then(|text| text.split_whitespace().map(finite).collect::<Option<Vec<f64>>>());
-            let c = c
-                .filter(|c| !c.is_empty())
-                .ok_or_else(|| a.error("coefficients", "these are not numbers"))?;
+            let a = entry.get("coefficients");
+            let a = a.ok_or_else(|| entry.error("coefficients", "the formula has none"))?;
+            let c = numbers_of(a).filter(|c| !c.is_empty());
+            let c = c.ok_or_else(|| a.error("coefficients", "these are not numbers"))?;
             let dispersion = dispersion(number, &c).map_err(|message| a.error("coefficients", message))?;
             Ok((Some((dispersion, wavelength_range(entry)?)), None))
         }
@@ -146,21 +142,15 @@ fn read_entry(entry: &Node, kind: &str) -> Result<(Option<Index>, Option<Extinct
 fn without_gain(entry: &Node, rows: Vec<[f64; 2]>, warnings: &mut Vec<FileError>) -> Vec<[f64; 2]> {
     let (kept, gain): (Vec<_>, Vec<_>) = rows.into_iter().partition(|[_, k]| *k >= 0.0);
     for [um, k] in gain {
-        warnings.push(
-            entry.error(
-                "data",
-                format!("an extinction coefficient is at least 0, not {k} at {um} um: left out"),
-            ),
-        );
+        let message = format!("an extinction coefficient is at least 0, not {k} at {um} um: left out");
+        warnings.push(entry.error("data", message));
     }
     kept
 }
 
 fn wavelength_range(entry: &Node) -> Result<Option<[f64; 2]>, FileError> {
     let Some(range) = entry.get("wavelength_range") else { return Ok(None) };
-    let numbers =
-        range.text().and_then(|text| text.split_whitespace().map(finite).collect::<Option<Vec<f64>>>());
-    match numbers.as_deref() {
+    match numbers_of(range).as_deref() {
         Some(&[min, max]) if min > 0.0 && max >= min => Ok(Some([min, max])),
         _ => Err(range.error("wavelength_range", "this is not a shortest and a longest wavelength in um")),
     }
@@ -183,6 +173,14 @@ fn rows<const N: usize>(entry: &Node) -> Result<Vec<[f64; N]>, FileError> {
     // Keep one row per wavelength, because the slope between two would be infinite.
     rows.dedup_by(|later, earlier| later[0] == earlier[0]);
     if rows.is_empty() { Err(data.error("data", "the table has no rows")) } else { Ok(rows) }
+}
+
+/// What is wrong with the coefficients of a formula without a term.
+const ALL_ZERO: &str = "all of them are 0";
+
+/// Terms of which there is at least one; else the error.
+fn some<T>(terms: Vec<T>, error: &str) -> Result<Vec<T>, String> {
+    if terms.is_empty() { Err(error.to_owned()) } else { Ok(terms) }
 }
 
 /// A formula by its number. The error describes what is wrong with its coefficients.
@@ -209,27 +207,16 @@ fn dispersion(number: &str, c: &[f64]) -> Result<Dispersion, String> {
     Ok(match number {
         "1" => Dispersion::Square { powers: one_and_offset(), resonances: resonances(2.0) },
         "2" if c[0] == 0.0 => {
-            let (b, c_um2): (Vec<f64>, Vec<f64>) =
-                pairs().filter(|p| p[0] != 0.0).map(|p| (p[0], p[1])).unzip();
-            if b.is_empty() {
-                return Err("there is no term".to_owned());
-            } else {
-                Dispersion::Sellmeier { b, c_um2 }
-            }
+            let terms: Vec<(f64, f64)> = pairs().filter(|p| p[0] != 0.0).map(|p| (p[0], p[1])).collect();
+            let (b, c_um2) = some(terms, "there is no term")?.into_iter().unzip();
+            Dispersion::Sellmeier { b, c_um2 }
         }
         "2" => Dispersion::Square { powers: one_and_offset(), resonances: resonances(1.0) },
         "3" => match c {
             &[a0, a1, 2.0, a2, -2.0, a3, -4.0, a4, -6.0, a5, -8.0] => {
                 Dispersion::Schott([a0, a1, a2, a3, a4, a5])
             }
-            _ => {
-                let powers: Vec<[f64; 2]> = series();
-                if powers.is_empty() {
-                    return Err("all of them are 0".to_owned());
-                } else {
-                    Dispersion::Square { powers, resonances: Vec::new() }
-                }
-            }
+            _ => Dispersion::Square { powers: some(series(), ALL_ZERO)?, resonances: Vec::new() },
         },
         "4" => {
             const RESONANT: usize = 9;
@@ -250,19 +237,11 @@ fn dispersion(number: &str, c: &[f64]) -> Result<Dispersion, String> {
             let resonances = resonant.chunks(4).filter(|b| b[0] != 0.0).map(|b| [b[0], b[1], b[2], b[3]]);
             let resonances: Vec<[f64; 4]> = resonances.collect();
             if powers.is_empty() && resonances.is_empty() {
-                return Err("all of them are 0".to_owned());
-            } else {
-                Dispersion::Square { powers, resonances }
+                return Err(ALL_ZERO.to_owned());
             }
+            Dispersion::Square { powers, resonances }
         }
-        "5" => {
-            let powers: Vec<[f64; 2]> = series();
-            if powers.is_empty() {
-                return Err("all of them are 0".to_owned());
-            } else {
-                Dispersion::Powers(powers)
-            }
-        }
+        "5" => Dispersion::Powers(some(series(), ALL_ZERO)?),
         "6" => Dispersion::Gas { a: c[0], terms: pairs().map(|p| [p[0], p[1]]).collect() },
         "7" => Dispersion::Herzberger(filled(at_most(6)?)),
         "8" => Dispersion::LorentzLorenz(filled(at_most(4)?)),
@@ -288,10 +267,7 @@ fn read_properties(
     (glass.printed_nd, glass.printed_vd) = (printed("nd", 1.0), printed("Vd", 0.0));
     for entry in properties.get("thermal_dispersion").map_or(&[][..], Node::list) {
         let kind = word(entry, "type")?;
-        let numbers = entry.get("coefficients").and_then(Node::text);
-        let numbers =
-            numbers.and_then(|text| text.split_whitespace().map(finite).collect::<Option<Vec<f64>>>());
-        match (kind, numbers.as_deref()) {
+        match (kind, entry.get("coefficients").and_then(numbers_of).as_deref()) {
             ("formula A", Some(&[d0, d1, d2, e0, e1, lambda_tk_um])) => {
                 glass.thermal = Some(Thermal { d: [d0, d1, d2], e: [e0, e1], lambda_tk_um, reference_c });
             }
@@ -305,8 +281,7 @@ fn read_properties(
             number(entry, "value").filter(|kg_m3| *kg_m3 > 0.0).map(|kg_m3| shifted(kg_m3, -3));
     }
     for entry in properties.get("thermal_expansion").map_or(&[][..], Node::list) {
-        let range = entry.get("temperature_range").and_then(Node::text);
-        let range = range.and_then(|text| text.split_whitespace().map(finite).collect::<Option<Vec<f64>>>());
+        let range = entry.get("temperature_range").and_then(numbers_of);
         match (range.as_deref(), number(entry, "value")) {
             (Some(&[from, to]), Some(per_k)) => {
                 glass.expansion.push(Expansion { range_c: [from - 273.0, to - 273.0], per_k });
@@ -319,6 +294,11 @@ fn read_properties(
 
 fn word<'a>(entry: &'a Node, key: &str) -> Result<&'a str, FileError> {
     entry.get(key).and_then(Node::text).ok_or_else(|| entry.error(key, format!("there is no `{key}`")))
+}
+
+/// The numbers in the text of a node; `None` if a word of it is no finite number.
+fn numbers_of(node: &Node) -> Option<Vec<f64>> {
+    node.text()?.split_whitespace().map(finite).collect()
 }
 
 fn finite(word: &str) -> Option<f64> {

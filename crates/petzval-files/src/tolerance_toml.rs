@@ -247,13 +247,9 @@ impl Reader<'_> {
             }
             (None, Some(list)) => {
                 let [first, last] = list.get_ref()[..] else {
-                    return Err(self
-                        .error(
-                            "element",
-                            list.span(),
-                            "an element is given by its first and its last surface",
-                        )
-                        .hint("for example `element = [1, 2]`"));
+                    let message = "an element is given by its first and its last surface";
+                    let error = self.error("element", list.span(), message);
+                    return Err(error.hint("for example `element = [1, 2]`"));
                 };
                 let (a, b) = (check("element", list.span(), first)?, check("element", list.span(), last)?);
                 if a <= b {
@@ -322,9 +318,8 @@ impl Reader<'_> {
         for (key, quantity, value) in named {
             let tolerance = value.get_ref().0;
             if !(tolerance >= 0.0 && tolerance.is_finite()) {
-                return Err(self
-                    .error(&key, value.span(), "a tolerance is a finite number from 0")
-                    .hint("it holds to either side"));
+                let error = self.error(&key, value.span(), "a tolerance is a finite number from 0");
+                return Err(error.hint("it holds to either side"));
             }
             let freedom = Freedom { quantity, first, last };
             self.check(&key, value.span(), &freedom)?;

@@ -4,7 +4,6 @@
 use saphyr_parser::{Event, Parser};
 
 use petzval_base::FileError;
-use petzval_base::quote;
 
 /// A node of the tree.
 pub(crate) struct Node {
@@ -51,14 +50,7 @@ impl Node {
 }
 
 pub(crate) fn error(line: usize, key: &str, value: &str, message: impl Into<String>) -> FileError {
-    FileError {
-        line: u32::try_from(line).ok(),
-        column: None,
-        key: key.into(),
-        value: quote(value),
-        message: message.into(),
-        hint: None,
-    }
+    FileError { key: key.into(), ..FileError::at_line(u32::try_from(line).unwrap_or(0), value, message) }
 }
 
 /// A list or map that is being read.

@@ -41,43 +41,38 @@ pub fn seidel(sequence: &Sequence, field_rad: f64) -> Option<Vec<Seidel>> {
     let (marginal, chief) = marginal_and_chief(sequence, field_rad);
     let invariant = marginal.w[0] * chief.y[0] - chief.w[0] * marginal.y[0];
 
-    let sums = sequence
-        .surfaces
-        .iter()
-        .enumerate()
-        .map(|(i, s)| {
-            let (n, n_next) = (s.n_before, s.n_after);
-            let c = s.shape.paraxial_curvature();
-            let (y, y_chief) = (marginal.y[i], chief.y[i]);
-            let a = marginal.w[i] + n * y * c;
-            let a_chief = chief.w[i] + n * y_chief * c;
-            let d_slope = marginal.w[i + 1] / (n_next * n_next) - marginal.w[i] / (n * n);
-            let d_index = 1.0 / n_next - 1.0 / n;
-            let d_index2 = 1.0 / (n_next * n_next) - 1.0 / (n * n);
-            let mut sums = [
-                -a * a * y * d_slope,
-                -a * a_chief * y * d_slope,
-                -a_chief * a_chief * y * d_slope,
-                -invariant * invariant * c * d_index,
-                -a_chief
-                    * (a_chief * a_chief * d_index2 * y - (a_chief * y - invariant) * y_chief * c * d_index),
-            ];
-            // The r^4 term of the surface minus that of the sphere with the paraxial curvature.
-            let quartic = s.shape.quartic() - c.powi(3) / 8.0;
-            let structure = match &s.bending {
-                Bending::Path { radial, .. } => radial[1],
-                _ => 0.0,
-            };
-            let aspheric = 8.0 * (quartic * (n_next - n) - structure) * y.powi(4);
-            if aspheric != 0.0 {
-                let q = y_chief / y;
-                for (sum, factor) in sums.iter_mut().zip([1.0, q, q * q, 0.0, q * q * q]) {
-                    *sum += aspheric * factor;
-                }
+    let sums = sequence.surfaces.iter().enumerate().map(|(i, s)| {
+        let (n, n_next) = (s.n_before, s.n_after);
+        let c = s.shape.paraxial_curvature();
+        let (y, y_chief) = (marginal.y[i], chief.y[i]);
+        let a = marginal.w[i] + n * y * c;
+        let a_chief = chief.w[i] + n * y_chief * c;
+        let d_slope = marginal.w[i + 1] / (n_next * n_next) - marginal.w[i] / (n * n);
+        let d_index = 1.0 / n_next - 1.0 / n;
+        let d_index2 = 1.0 / (n_next * n_next) - 1.0 / (n * n);
+        let mut sums = [
+            -a * a * y * d_slope,
+            -a * a_chief * y * d_slope,
+            -a_chief * a_chief * y * d_slope,
+            -invariant * invariant * c * d_index,
+            -a_chief * (a_chief * a_chief * d_index2 * y - (a_chief * y - invariant) * y_chief * c * d_index),
+        ];
+        // The r^4 term of the surface minus that of the sphere with the paraxial curvature.
+        let quartic = s.shape.quartic() - c.powi(3) / 8.0;
+        let structure = match &s.bending {
+            Bending::Path { radial, .. } => radial[1],
+            _ => 0.0,
+        };
+        let aspheric = 8.0 * (quartic * (n_next - n) - structure) * y.powi(4);
+        if aspheric != 0.0 {
+            let q = y_chief / y;
+            for (sum, factor) in sums.iter_mut().zip([1.0, q, q * q, 0.0, q * q * q]) {
+                *sum += aspheric * factor;
             }
-            Seidel { s: sums }
-        })
-        .collect();
+        }
+        Seidel { s: sums }
+    });
+    let sums = sums.collect();
     Some(sums)
 }
 
@@ -109,20 +104,16 @@ pub fn chromatic(
     field_rad: f64,
 ) -> Vec<[f64; 2]> {
     let (marginal, chief) = marginal_and_chief(sequence, field_rad);
-    sequence
-        .surfaces
-        .iter()
-        .enumerate()
-        .map(|(i, s)| {
-            let c = s.shape.paraxial_curvature();
-            let (a, a_chief) =
-                (marginal.w[i] + s.n_before * marginal.y[i] * c, chief.w[i] + s.n_before * chief.y[i] * c);
-            let (short, long) = (&shorter.surfaces[i], &longer.surfaces[i]);
-            let before = (short.n_before - long.n_before) / s.n_before;
-            let behind = (short.n_after - long.n_after) / s.n_after;
-            [a, a_chief].map(|a| a * marginal.y[i] * (behind - before))
-        })
-        .collect()
+    let parts = sequence.surfaces.iter().enumerate().map(|(i, s)| {
+        let c = s.shape.paraxial_curvature();
+        let (a, a_chief) =
+            (marginal.w[i] + s.n_before * marginal.y[i] * c, chief.w[i] + s.n_before * chief.y[i] * c);
+        let (short, long) = (&shorter.surfaces[i], &longer.surfaces[i]);
+        let before = (short.n_before - long.n_before) / s.n_before;
+        let behind = (short.n_after - long.n_after) / s.n_after;
+        [a, a_chief].map(|a| a * marginal.y[i] * (behind - before))
+    });
+    parts.collect()
 }
 
 /// The sums over all surfaces; `None` if [`seidel`] returns none.

@@ -147,11 +147,8 @@ impl Facade {
         if dy < 0.0 || dx < 0.0 || arched {
             // The surround: a sill below, a lintel above.
             let tone = if up < sill { 1.15 } else { 0.8 };
-            return Surface {
-                albedo: scaled(blend(self.colours[0], self.frame, 0.4), tone),
-                gloss: 0.0,
-                emission: [0.0; 3],
-            };
+            let albedo = scaled(blend(self.colours[0], self.frame, 0.4), tone);
+            return Surface { albedo, gloss: 0.0, emission: [0.0; 3] };
         }
         let bar = match self.windows {
             Windows::Paired | Windows::Upright => from_middle.abs() < 0.6 * frame,

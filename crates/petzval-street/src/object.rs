@@ -151,17 +151,8 @@ impl Builder {
         let count = self.parts.len().max(1) as f64;
         let centre = self.parts.iter().fold(Vec3::default(), |sum, part| sum + part.centre) * (1.0 / count);
         let radius = self.parts.iter().map(|p| (p.centre - centre).length() + p.radius).fold(0.0, f64::max);
-        Object {
-            kind,
-            id,
-            frame: self.frame,
-            inverse: self.frame.inverse(),
-            parts: self.parts,
-            centre,
-            radius,
-            footprint: None,
-            lamp: None,
-        }
+        let (frame, inverse) = (self.frame, self.frame.inverse());
+        Object { kind, id, frame, inverse, parts: self.parts, centre, radius, footprint: None, lamp: None }
     }
 }
 

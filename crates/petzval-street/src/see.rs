@@ -103,14 +103,8 @@ impl Street {
         let camera = pose.frame();
         let centre = [0.5 * projection.columns() as f64, 0.5 * projection.rows() as f64];
         let neighbour = projection.direction(centre[0] + 1.0, centre[1]);
-        let view = View {
-            street: self,
-            projection,
-            camera,
-            window,
-            samples: samples_per_side,
-            pixel_rad: neighbour.x.atan2(neighbour.z),
-        };
+        let pixel_rad = neighbour.x.atan2(neighbour.z);
+        let view = View { street: self, projection, camera, window, samples: samples_per_side, pixel_rad };
         let shown = view.shown();
 
         // Blocks of tiles in parallel; each pixel belongs to one tile.

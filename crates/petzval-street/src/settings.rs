@@ -23,13 +23,7 @@ pub struct StreetSettings {
 impl StreetSettings {
     /// The first moment of a busy sequence, of all families, with the default lamp colours.
     pub fn new(sequence: u64, light: Light) -> Self {
-        Self {
-            sequence,
-            moment: 0,
-            light,
-            busy: 1.0,
-            families: Families::All,
-            lamp_colours: LampColours::default(),
-        }
+        let (families, lamp_colours) = (Families::All, LampColours::default());
+        Self { sequence, moment: 0, light, busy: 1.0, families, lamp_colours }
     }
 }

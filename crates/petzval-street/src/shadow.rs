@@ -131,12 +131,8 @@ impl SunGrid {
             let part = &objects[entry.object as usize].parts[entry.part as usize];
             let (o, d) = (part.inverse.point(p), part.inverse.direction(self.sun));
             if part.material.has_gaps() {
-                return part
-                    .shape
-                    .crossings(o, d)
-                    .into_iter()
-                    .flatten()
-                    .any(|t| !part.gap(p + self.sun * t, o + d * t, d));
+                let mut crossings = part.shape.crossings(o, d).into_iter().flatten();
+                return crossings.any(|t| !part.gap(p + self.sun * t, o + d * t, d));
             }
             part.shape.enter(o, d).is_some()
         })

@@ -119,12 +119,8 @@ impl Frame {
 
     /// The frame `inner`, given in this frame, in the world.
     pub fn of(&self, inner: &Self) -> Self {
-        Self {
-            origin: self.point(inner.origin),
-            x: self.direction(inner.x),
-            y: self.direction(inner.y),
-            z: self.direction(inner.z),
-        }
+        let [x, y, z] = [inner.x, inner.y, inner.z].map(|axis| self.direction(axis));
+        Self { origin: self.point(inner.origin), x, y, z }
     }
 
     /// The map from the world to coordinates in this frame.

@@ -8,6 +8,9 @@ use crate::image::{CHANNELS, LinearImage};
 use crate::render::Placement;
 use crate::sensor::{CfaPattern, SensorError};
 
+/// What errors call the cotangent of a developed picture.
+pub(super) const GRADIENT: &str = "gradient of the developed picture";
+
 /// Interpolates the colours that each pixel did not measure. The top-left pixel of the mosaic is at `placement`.
 ///
 /// In a Bayer array, green is the mean of the four edge neighbours; red and blue are means of the two or four nearest
@@ -75,11 +78,7 @@ pub fn demosaic_bilinear_adjoint(
     let (height, width) = (d_rgb.height, d_rgb.width);
     if d_rgb.channels != CHANNELS || d_rgb.data.len() != CHANNELS * height * width {
         let got = format!("{} planes, {} values", d_rgb.channels, d_rgb.data.len());
-        return Err(SensorError::Shape {
-            what: "gradient of the developed picture",
-            expected: "3 planes".into(),
-            got,
-        });
+        return Err(SensorError::shape(GRADIENT, "3 planes", got));
     }
     check_mosaic(height * width, height, width)?;
     if !cfa.is_bayer() {
@@ -167,9 +166,5 @@ pub(crate) fn check_mosaic(len: usize, height: usize, width: usize) -> Result<()
         return Ok(());
     }
     let got = format!("{len} values for {height}x{width}");
-    Err(SensorError::Shape {
-        what: "mosaic",
-        expected: "height x width values, at least 2x2 pixels".into(),
-        got,
-    })
+    Err(SensorError::shape("mosaic", "height x width values, at least 2x2 pixels", got))
 }

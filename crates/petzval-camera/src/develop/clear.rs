@@ -48,10 +48,8 @@ impl ClearColours {
     pub fn apply(&self, picture: &mut LinearImage) {
         let size = picture.height * picture.width;
         for i in 0..size {
-            let seen: f64 = (0..CHANNELS)
-                .filter(|c| !self.is_missing[*c])
-                .map(|c| self.weights[c] * f64::from(picture.data[c * size + i]))
-                .sum();
+            let given = (0..CHANNELS).filter(|c| !self.is_missing[*c]);
+            let seen: f64 = given.map(|c| self.weights[c] * f64::from(picture.data[c * size + i])).sum();
             for c in (0..CHANNELS).filter(|c| self.is_missing[*c]) {
                 let value = &mut picture.data[c * size + i];
                 *value = ((f64::from(*value) - seen) / self.of_missing) as f32;

@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::bilinear::GRADIENT;
 use super::{Demosaic, Stabiliser};
 use crate::image::LinearImage;
 use crate::sensor::{Capture, SensorError, SensorModel};
@@ -69,11 +70,8 @@ impl Interpolation {
     ) -> Result<Vec<f32>, SensorError> {
         let (n, values) = (d_rgb.height * d_rgb.width, mosaic.len());
         if n != values {
-            return Err(SensorError::Shape {
-                what: "gradient of the developed picture",
-                expected: format!("{values} pixels"),
-                got: format!("{} x {}", d_rgb.height, d_rgb.width),
-            });
+            let got = format!("{} x {}", d_rgb.height, d_rgb.width);
+            return Err(SensorError::shape(GRADIENT, format!("{values} pixels"), got));
         }
         let adjoint = |mosaic: &[f32], d_rgb: &LinearImage| {
             self.demosaic.adjoint(mosaic, d_rgb, sensor.cfa, capture.placement)

@@ -49,11 +49,8 @@ impl LinearInterpolation {
     pub fn new(cfa: CfaPattern, origin: Placement, height: usize, width: usize) -> Result<Self, SensorError> {
         let (rows, cols) = (cfa.rows(), cfa.cols());
         if height < rows || width < cols {
-            return Err(SensorError::Shape {
-                what: "mosaic",
-                expected: format!("at least one tile of {cfa}, {rows}x{cols} pixels"),
-                got: format!("{height}x{width} pixels"),
-            });
+            let expected = format!("at least one tile of {cfa}, {rows}x{cols} pixels");
+            return Err(SensorError::shape("mosaic", expected, format!("{height}x{width} pixels")));
         }
         let place = |i: usize| (i / cols, i % cols);
         let of_source =

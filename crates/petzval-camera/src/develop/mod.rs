@@ -17,6 +17,7 @@ mod linear_interpolation;
 mod noise_level;
 mod stabilise;
 
+use bilinear::GRADIENT;
 pub(crate) use bilinear::check_mosaic;
 pub use bilinear::{demosaic_bilinear, demosaic_bilinear_adjoint};
 pub use demosaic::Demosaic;
@@ -103,7 +104,7 @@ pub fn develop_adjoint(
     capture: &Capture,
 ) -> Result<Vec<f32>, SensorError> {
     let n = d_rgb.height * d_rgb.width;
-    check(sensor, capture, "gradient of the developed picture", CHANNELS * n, d_rgb.data.len())?;
+    check(sensor, capture, GRADIENT, CHANNELS * n, d_rgb.data.len())?;
     let d_planes = of_planes(d_rgb, sensor)?;
     let d_mosaic = demosaic_bilinear_adjoint(&d_planes, sensor.cfa, capture.placement)?;
     Ok(per_dn(d_mosaic, d_rgb.width, sensor, capture))
@@ -119,13 +120,10 @@ pub fn develop_by_adjoint(
     let (n, capture) = (raw.height * raw.width, &raw.capture);
     if (raw.height, raw.width) != (d_rgb.height, d_rgb.width) {
         let shape = |height: usize, width: usize| format!("{height} x {width} pixels");
-        return Err(SensorError::Shape {
-            what: "gradient of the developed picture",
-            expected: shape(raw.height, raw.width),
-            got: shape(d_rgb.height, d_rgb.width),
-        });
+        let (expected, got) = (shape(raw.height, raw.width), shape(d_rgb.height, d_rgb.width));
+        return Err(SensorError::shape(GRADIENT, expected, got));
     }
-    check(sensor, capture, "gradient of the developed picture", CHANNELS * n, d_rgb.data.len())?;
+    check(sensor, capture, GRADIENT, CHANNELS * n, d_rgb.data.len())?;
     let d_planes = of_planes(d_rgb, sensor)?;
     let d_mosaic = interpolation.adjoint(&balanced_mosaic(raw, sensor)?, &d_planes, sensor, capture)?;
     Ok(per_dn(d_mosaic, d_rgb.width, sensor, capture))

@@ -30,12 +30,8 @@ pub struct BalanceOptions {
 
 impl Default for BalanceOptions {
     fn default() -> Self {
-        Self {
-            method: BalanceMethod::ShadesOfGray { p: 6.0 },
-            gains: [0.25, 4.0],
-            most_saturated: 0.01,
-            least_light: 0.02,
-        }
+        let method = BalanceMethod::ShadesOfGray { p: 6.0 };
+        Self { method, gains: [0.25, 4.0], most_saturated: 0.01, least_light: 0.02 }
     }
 }
 
@@ -55,13 +51,8 @@ const GRAY_DISTANCE: f64 = 0.2;
 pub fn auto_balance(statistics: &Statistics, response: [f64; 3], options: &BalanceOptions) -> BalanceGains {
     // Colours as white light would give them; zones that are saturated, dark or empty say nothing about the light.
     let colour = |zone: &Zone| -> [f64; 3] { std::array::from_fn(|c| zone.mean[c] / response[c]) };
-    let exposed: Vec<[f64; 3]> = statistics
-        .zones
-        .iter()
-        .filter(|zone| zone.saturated <= options.most_saturated)
-        .map(colour)
-        .filter(|colour| colour.iter().all(|v| *v > 0.0))
-        .collect();
+    let kept = statistics.zones.iter().filter(|zone| zone.saturated <= options.most_saturated);
+    let exposed: Vec<[f64; 3]> = kept.map(colour).filter(|colour| colour.iter().all(|v| *v > 0.0)).collect();
     let brightest = exposed.iter().map(|c| c[1]).fold(0.0, f64::max);
     let zones: Vec<[f64; 3]> =
         exposed.into_iter().filter(|c| c[1] >= options.least_light * brightest).collect();

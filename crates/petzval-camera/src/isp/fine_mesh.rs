@@ -16,34 +16,30 @@ impl Mesh {
         let (down, across) = (parts(self.rows), parts(self.cols));
         let (rows, cols) = ((self.rows - 1) * down + 1, (self.cols - 1) * across + 1);
         let mut difference = 0.0_f64;
-        let planes = self
-            .planes
-            .iter()
-            .map(|plane| {
-                let logs: Vec<f64> = plane.iter().map(|v| f64::from(v.max(LEAST)).ln()).collect();
-                (0..rows * cols)
-                    .map(|i| {
-                        let places = [(i / cols, down, self.rows), (i % cols, across, self.cols)];
-                        if let [(r, down, _), (c, across, _)] = places
-                            && r % down == 0
-                            && c % across == 0
-                        {
-                            return plane[r / down * self.cols + c / across];
-                        }
-                        let value = |taps: [Taps; 2]| {
-                            let [rows, cols] = taps;
-                            let sum =
-                                rows.iter().flat_map(|(r, a)| cols.iter().map(move |(c, b)| (r, c, a * b)));
-                            sum.map(|(r, c, share)| share * logs[r * self.cols + c]).sum::<f64>().exp()
-                        };
-                        let smooth = value(places.map(|(at, parts, nodes)| taps(at, parts, nodes, 4)));
-                        let straight = value(places.map(|(at, parts, nodes)| taps(at, parts, nodes, 2)));
-                        difference = difference.max((smooth / straight - 1.0).abs());
-                        smooth as f32
-                    })
-                    .collect()
-            })
-            .collect();
+        let planes = self.planes.iter().map(|plane| {
+            let logs: Vec<f64> = plane.iter().map(|v| f64::from(v.max(LEAST)).ln()).collect();
+            (0..rows * cols)
+                .map(|i| {
+                    let places = [(i / cols, down, self.rows), (i % cols, across, self.cols)];
+                    if let [(r, down, _), (c, across, _)] = places
+                        && r % down == 0
+                        && c % across == 0
+                    {
+                        return plane[r / down * self.cols + c / across];
+                    }
+                    let value = |taps: [Taps; 2]| {
+                        let [rows, cols] = taps;
+                        let sum = rows.iter().flat_map(|(r, a)| cols.iter().map(move |(c, b)| (r, c, a * b)));
+                        sum.map(|(r, c, share)| share * logs[r * self.cols + c]).sum::<f64>().exp()
+                    };
+                    let smooth = value(places.map(|(at, parts, nodes)| taps(at, parts, nodes, 4)));
+                    let straight = value(places.map(|(at, parts, nodes)| taps(at, parts, nodes, 2)));
+                    difference = difference.max((smooth / straight - 1.0).abs());
+                    smooth as f32
+                })
+                .collect()
+        });
+        let planes = planes.collect();
         (Self { rows, cols, planes }, difference)
     }
 }

@@ -219,11 +219,15 @@ impl<T: Pixel> Grid<T> {
     /// A copy.
     pub fn copied(&self) -> Self {
         Self::from_rows(
-            self.height,
-            self.width,
+            self.size(),
             #[inline(always)]
             |row, out| out.copy_from_slice(self.row(row)),
         )
+    }
+
+    /// Height and width.
+    pub fn size(&self) -> [usize; 2] {
+        [self.height, self.width]
     }
 
     fn stride(&self) -> usize {
@@ -231,10 +235,9 @@ impl<T: Pixel> Grid<T> {
     }
 
     /// The grid whose rows `fill` writes, with the border of the outermost pixels. `fill` depends on the row alone and writes every pixel.
-    pub fn from_rows(height: usize, width: usize, fill: impl Fn(usize, &mut [T]) + Sync) -> Self {
+    pub fn from_rows(size: [usize; 2], fill: impl Fn(usize, &mut [T]) + Sync) -> Self {
         let [grid] = Self::several_from_rows(
-            height,
-            width,
+            size,
             #[inline(always)]
             |row, [out]| fill(row, out),
         );
@@ -243,8 +246,7 @@ impl<T: Pixel> Grid<T> {
 
     /// Several grids at once, whose rows `fill` writes together.
     pub fn several_from_rows<const N: usize>(
-        height: usize,
-        width: usize,
+        [height, width]: [usize; 2],
         fill: impl Fn(usize, [&mut [T]; N]) + Sync,
     ) -> [Self; N] {
         let stride = width + 2 * BORDER;
@@ -561,7 +563,7 @@ mod tests {
 
     #[test]
     fn the_border_mirrors_the_grid() {
-        let grid = Grid::from_rows(20, 24, |r, line: &mut [i32]| {
+        let grid = Grid::from_rows([20, 24], |r, line: &mut [i32]| {
             (0..24).for_each(|c| line[c] = (100 * r + c) as i32)
         });
         assert_eq!(grid.near(0, -2, 0)[..2], [200, 201]);

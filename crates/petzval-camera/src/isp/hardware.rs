@@ -140,8 +140,7 @@ impl HardwareIsp {
             let local = ToneMap::local_light(&light);
             let tones = set.tone_map.registers(&local);
             Grid::from_rows(
-                height,
-                width,
+                [height, width],
                 #[inline(always)]
                 |row, out| {
                     let [slope, offset] = tones.row(row);
@@ -230,8 +229,7 @@ impl HardwareIsp {
 /// The light of a raw frame's pixels, amplified.
 fn expanded(frame: &RawInput, levels: &Levels, gain: i32) -> Grid<i32> {
     Grid::from_rows(
-        frame.height,
-        frame.width,
+        [frame.height, frame.width],
         #[inline(always)]
         |row, out: &mut [i32]| {
             let line = &frame.dn[row * frame.width..][..out.len()];
@@ -249,8 +247,7 @@ fn expanded(frame: &RawInput, levels: &Levels, gain: i32) -> Grid<i32> {
 /// Encoded values of roots of the three colours: what `of` makes of their light.
 fn encoded(rgb: &[Grid<i16>; 3], roots: &Roots, of: impl Fn([i32; 3]) -> [i32; 3] + Sync) -> [Grid<i16>; 3] {
     Grid::several_from_rows(
-        rgb[0].height,
-        rgb[0].width,
+        rgb[0].size(),
         #[inline(always)]
         |row, [r, g, b]| {
             let from = rgb.each_ref().map(|grid| grid.row(row));
@@ -283,8 +280,7 @@ impl Balance<'_> {
     /// The balanced light of the roots of a mosaic.
     fn of(&self, mosaic: &Grid<i16>) -> Grid<i32> {
         Grid::from_rows(
-            mosaic.height,
-            mosaic.width,
+            mosaic.size(),
             #[inline(always)]
             |row, out| self.row(mosaic, row, out),
         )

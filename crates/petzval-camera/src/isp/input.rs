@@ -133,30 +133,12 @@ pub struct Companding {
 impl Companding {
     /// The expanded digital number; beyond the last knot, that of the last.
     pub fn expand(&self, dn: u32) -> u32 {
-        let (x, y) = (&self.companded_dn, &self.linear_dn);
-        let k = x.partition_point(|at| *at <= dn);
-        if k == 0 {
-            return y[0];
-        }
-        if k == x.len() {
-            return y[k - 1];
-        }
-        let (run, rise) = (u64::from(x[k] - x[k - 1]), u64::from(y[k] - y[k - 1]));
-        y[k - 1] + ((u64::from(dn - x[k - 1]) * rise + run / 2) / run) as u32
+        between_knots(&self.companded_dn, &self.linear_dn, dn)
     }
 
     /// The companded digital number of a linear one: what the sensor sends.
     pub fn compress(&self, linear: u32) -> u32 {
-        let (x, y) = (&self.companded_dn, &self.linear_dn);
-        let k = y.partition_point(|at| *at <= linear);
-        if k == 0 {
-            return x[0];
-        }
-        if k == y.len() {
-            return x[k - 1];
-        }
-        let (run, rise) = (u64::from(y[k] - y[k - 1]), u64::from(x[k] - x[k - 1]));
-        x[k - 1] + ((u64::from(linear - y[k - 1]) * rise + run / 2) / run) as u32
+        between_knots(&self.linear_dn, &self.companded_dn, linear)
     }
 
     fn is_whole(&self) -> bool {
@@ -167,6 +149,16 @@ impl Companding {
             && ascends(&self.linear_dn)
             && self.linear_dn[self.linear_dn.len() - 1] < 1 << 24
     }
+}
+
+/// The value at `at` of the curve through the knots `[x, y]`, rounded; beyond its ends that of the end.
+fn between_knots(x: &[u32], y: &[u32], at: u32) -> u32 {
+    let k = x.partition_point(|knot| *knot <= at);
+    if k == 0 || k == x.len() {
+        return y[k.saturating_sub(1)];
+    }
+    let (run, rise) = (u64::from(x[k] - x[k - 1]), u64::from(y[k] - y[k - 1]));
+    y[k - 1] + ((u64::from(at - x[k - 1]) * rise + run / 2) / run) as u32
 }
 
 impl NoiseProfile {
@@ -229,11 +221,8 @@ impl RawInput {
             |what: &'static str, got: String, need: &'static str| Err(IspError::Input { what, got, need });
         let Self { height, width, about, .. } = self;
         if height % 2 != 0 || width % 2 != 0 || *height < 16 || *width < 16 {
-            return bad(
-                "size of the frame",
-                format!("{height} x {width}"),
-                "even sides of at least 16 pixels",
-            );
+            let hint = "even sides of at least 16 pixels";
+            return bad("size of the frame", format!("{height} x {width}"), hint);
         }
         if self.dn.len() != height * width {
             return bad("number of pixels", self.dn.len().to_string(), "height x width");
@@ -255,25 +244,16 @@ impl RawInput {
             about.noise.read,
         ];
         if !levels.iter().all(|v| v.is_finite() && *v >= 0.0) || levels[1] < 1.0 || levels[2] <= 0.0 {
-            return bad(
-                "calibration",
-                format!("{levels:?}"),
-                "black below white, saturation above 0, noise not negative",
-            );
+            let hint = "black below white, saturation above 0, noise not negative";
+            return bad("calibration", format!("{levels:?}"), hint);
         }
         if !about.response.iter().all(|v| (0.01..=100.0).contains(v)) || !about.gain_ev.is_finite() {
-            return bad(
-                "response to white",
-                format!("{:?}", about.response),
-                "0.01 to 100, relative to green",
-            );
+            let hint = "0.01 to 100, relative to green";
+            return bad("response to white", format!("{:?}", about.response), hint);
         }
         if about.companding.as_ref().is_some_and(|c| !c.is_whole()) {
-            return bad(
-                "companding",
-                "its knots".to_owned(),
-                "two ascending lists of equal length from 0, below 2^24",
-            );
+            let hint = "two ascending lists of equal length from 0, below 2^24";
+            return bad("companding", "its knots".to_owned(), hint);
         }
         if about.shading.as_ref().is_some_and(|m| !m.is_whole(3)) {
             return bad("shading mesh", "its planes".to_owned(), "three planes of rows x cols finite values");

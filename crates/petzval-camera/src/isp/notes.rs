@@ -111,8 +111,7 @@ impl Look<'_> {
             let curve = Gamma::default().table();
             let encoded = rgb.each_ref().map(|grid| {
                 Grid::from_rows(
-                    grid.height,
-                    grid.width,
+                    grid.size(),
                     #[inline(always)]
                     |row, out| {
                         for (out, root) in out.iter_mut().zip(grid.row(row)) {

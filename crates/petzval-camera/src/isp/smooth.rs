@@ -56,15 +56,9 @@ impl DifferentiableIsp for SmoothIsp {
         values: Tensor<1>,
     ) -> Result<Tensor<4>, IspError> {
         let parameters = IspSettings::parameters();
-        let host: Vec<f64> = values
-            .clone()
-            .detach()
-            .into_data()
-            .try_to_vec::<f32>()
-            .map_err(|e| IspError::External(format!("{e:?}")))?
-            .into_iter()
-            .map(f64::from)
-            .collect();
+        let host = values.clone().detach().into_data().try_to_vec::<f32>();
+        let host = host.map_err(|e| IspError::External(format!("{e:?}")))?;
+        let host: Vec<f64> = host.into_iter().map(f64::from).collect();
         // Values in f32 may leave their range by rounding.
         let inside: Vec<f64> = if parameters.len() == host.len() {
             host.iter().zip(&parameters).map(|(v, p)| v.clamp(p.about.min, p.about.max)).collect()

@@ -55,14 +55,14 @@ fn extreme(format: Format, is_high: bool) -> i32 {
 
 /// A mosaic of the ends of a format of 16 bits.
 fn mosaic(format: Format, pattern: Pattern) -> Grid<i16> {
-    Grid::from_rows(HEIGHT, WIDTH, |row, out| {
+    Grid::from_rows([HEIGHT, WIDTH], |row, out| {
         (0..WIDTH).for_each(|col| out[col] = extreme(format, pattern(row, col)) as i16);
     })
 }
 
 fn colours(format: Format, pattern: Pattern, of: [fn(bool) -> bool; 3]) -> [Grid<i16>; 3] {
     of.map(|of| {
-        Grid::from_rows(HEIGHT, WIDTH, |row, out| {
+        Grid::from_rows([HEIGHT, WIDTH], |row, out| {
             (0..WIDTH).for_each(|col| out[col] = extreme(format, of(pattern(row, col))) as i16);
         })
     })
@@ -225,7 +225,7 @@ fn demosaicing_saturates() {
 fn local_tone_mapping_saturates() {
     for set in settings() {
         for (name, pattern) in PATTERNS {
-            let light = Grid::from_rows(HEIGHT, WIDTH, |row, out: &mut [i32]| {
+            let light = Grid::from_rows([HEIGHT, WIDTH], |row, out: &mut [i32]| {
                 (0..WIDTH).for_each(|col| out[col] = extreme(LINEAR, pattern(row, col)));
             });
             let local = ToneMap::local_light(&light);
@@ -377,8 +377,8 @@ fn whole_developments_keep_to_the_codes_of_the_picture() {
 
 #[test]
 fn differences_of_roots_are_cut_off_in_order() {
-    let least = Grid::from_rows(HEIGHT, WIDTH, |_, out: &mut [i16]| out.fill(ROOT.min as i16));
-    let most = || Grid::from_rows(HEIGHT, WIDTH, |_, out: &mut [i16]| out.fill(ROOT.max as i16));
+    let least = Grid::from_rows([HEIGHT, WIDTH], |_, out: &mut [i16]| out.fill(ROOT.min as i16));
+    let most = || Grid::from_rows([HEIGHT, WIDTH], |_, out: &mut [i16]| out.fill(ROOT.max as i16));
     let set = IspSettings::default();
     // Red and blue as far above green as can be: the differences do not fit their 16 bits. They are cut off, so that the order stays.
     let [r, g, b] =

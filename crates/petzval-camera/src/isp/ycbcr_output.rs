@@ -172,11 +172,8 @@ impl RgbPicture {
     /// The picture as luma and colour differences.
     pub fn to_ycbcr(&self, format: YcbcrFormat) -> Result<YcbcrPicture, IspError> {
         if !matches!(format.bits, 8 | 10) {
-            return Err(IspError::Input {
-                what: "bits of luma",
-                got: format.bits.to_string(),
-                need: "8 or 10",
-            });
+            let got = format.bits.to_string();
+            return Err(IspError::Input { what: "bits of luma", got, need: "8 or 10" });
         }
         let Self { height, width, bits, .. } = *self;
         let Registers { rows: [luma, cb, cr], fraction } = Registers::new(format, bits);

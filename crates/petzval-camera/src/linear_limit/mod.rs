@@ -65,9 +65,10 @@ struct Patches {
 impl LinearLimit {
     /// The limit for the frames of a sensor at an exposure.
     pub fn new(sensor: &SensorModel, exposure: &Exposure, scenes: NaturalScenes) -> Self {
+        let (sensor_height, sensor_width) = (sensor.height, sensor.width);
         let geometry = RenderGeometry {
-            sensor_height: sensor.height,
-            sensor_width: sensor.width,
+            sensor_height,
+            sensor_width,
             pixel_um: sensor.pixel_um,
             patches: (PATCHES, PATCHES),
         };

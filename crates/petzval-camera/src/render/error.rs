@@ -5,6 +5,23 @@ use petzval_base::Cancelled;
 use super::limits::MAX_RADIUS;
 use crate::psf::PsfError;
 
+/// A window that leaves the sensor.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error(
+    "{what} of {}x{} at row {}, column {} leaves the {}x{} sensor",
+    size[0], size[1], at[0], at[1], sensor.0, sensor.1
+)]
+pub struct OffSensor {
+    /// What the window shows.
+    pub what: &'static str,
+    /// Its rows and columns.
+    pub size: [usize; 2],
+    /// Row and column of its first pixel.
+    pub at: [usize; 2],
+    /// Rows and columns of the sensor.
+    pub sensor: (usize, usize),
+}
+
 /// Why a scene cannot be rendered.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RenderError {
@@ -62,23 +79,8 @@ pub enum RenderError {
         border: usize,
     },
     /// The output leaves the sensor.
-    #[error(
-        "output of {height}x{width} at row {row}, column {col} leaves the {sensor_height}x{sensor_width} sensor"
-    )]
-    OffSensor {
-        /// Output rows.
-        height: usize,
-        /// Output columns.
-        width: usize,
-        /// First row on the sensor.
-        row: usize,
-        /// First column on the sensor.
-        col: usize,
-        /// Sensor rows.
-        sensor_height: usize,
-        /// Sensor columns.
-        sensor_width: usize,
-    },
+    #[error(transparent)]
+    OffSensor(#[from] OffSensor),
     /// A buffer has another size than its partner.
     #[error("{what}: expected {expected}, got {got}")]
     Mismatch {

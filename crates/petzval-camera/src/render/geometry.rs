@@ -1,6 +1,6 @@
 //! Sensor coordinates, the grid of patches over them, and the blending weights between patches.
 
-use super::error::RenderError;
+use super::error::{OffSensor, RenderError};
 use super::limits::{MAX_PATCHES, MAX_SIDE};
 use crate::image::{CHANNELS, LinearImage};
 
@@ -47,6 +47,19 @@ pub struct Window {
 }
 
 impl Window {
+    /// Whether it lies on a sensor of these rows and columns.
+    pub fn lies_on(&self, (rows, cols): (usize, usize)) -> bool {
+        let fits =
+            |start: usize, len: usize, size: usize| start.checked_add(len).is_some_and(|end| end <= size);
+        fits(self.placement.row, self.height, rows) && fits(self.placement.col, self.width, cols)
+    }
+
+    /// The window, unless it leaves a sensor of these rows and columns; `what` it shows is for the error.
+    pub(crate) fn checked(self, sensor: (usize, usize), what: &'static str) -> Result<Self, OffSensor> {
+        let (size, at) = ([self.height, self.width], [self.placement.row, self.placement.col]);
+        if self.lies_on(sensor) { Ok(self) } else { Err(OffSensor { what, size, at, sensor }) }
+    }
+
     /// The window of `height` x `width` pixels in the middle of a sensor. It is moved up and left by less than one tile of
     /// `(rows, columns)` pixels, so that it starts with a whole tile of the colour filter array. `None` if the sensor is smaller.
     pub fn middle(
@@ -179,13 +192,8 @@ pub(super) fn check_window(
     width: usize,
 ) -> Result<Window, RenderError> {
     geometry.validate()?;
-    let (row, col) = (placement.row, placement.col);
-    let fits = |start: usize, len: usize, size: usize| start.checked_add(len).is_some_and(|end| end <= size);
-    if !fits(row, height, geometry.sensor_height) || !fits(col, width, geometry.sensor_width) {
-        let (sensor_height, sensor_width) = (geometry.sensor_height, geometry.sensor_width);
-        return Err(RenderError::OffSensor { height, width, row, col, sensor_height, sensor_width });
-    }
-    Ok(Window { placement, height, width })
+    let sensor = (geometry.sensor_height, geometry.sensor_width);
+    Ok(Window { placement, height, width }.checked(sensor, "output")?)
 }
 
 /// Pixel coordinate of the centre of patch `i` of `patches` along an axis of `len` pixels.

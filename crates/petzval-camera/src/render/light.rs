@@ -66,11 +66,9 @@ fn in_strips(
         let Window { placement, height, width } = on_samples;
         let mut light = render_kernels_unless(cancel, &fine, &kernels, &scene, placement)?;
         let dimming = illumination_map(&fine, &layout, &bank.illumination, placement, height, width)?;
-        light
-            .data
-            .iter_mut()
-            .zip(&dimming.data)
-            .for_each(|(light, share)| *light = (*light * share).max(0.0));
+        for (light, share) in light.data.iter_mut().zip(&dimming.data) {
+            *light = (*light * share).max(0.0);
+        }
         // Every pixel collects its samples.
         let collected = if samples == 1 { light } else { light.box_mean(samples) };
         for c in 0..CHANNELS {

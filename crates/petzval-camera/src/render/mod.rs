@@ -33,7 +33,7 @@ pub use adjoint::{
 pub use blend::{BlendError, blend_error, with_patches_for};
 pub use direct::render_direct;
 pub use distortion::Distortion;
-pub use error::RenderError;
+pub use error::{OffSensor, RenderError};
 #[cfg(any(feature = "wgpu", feature = "cuda"))]
 pub(crate) use geometry::hat;
 pub use geometry::{Placement, RenderGeometry, Window};

@@ -1,6 +1,7 @@
 //! What can be wrong with a sensor, an exposure or a frame.
 
 use super::cfa::CfaPattern;
+use crate::render::OffSensor;
 
 /// A number of a sensor outside its physical range.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -63,23 +64,8 @@ pub enum SensorError {
         got: String,
     },
     /// The picture leaves the sensor.
-    #[error(
-        "picture of {height}x{width} at row {row}, column {col} leaves the {sensor_height}x{sensor_width} sensor"
-    )]
-    OffSensor {
-        /// Rows.
-        height: usize,
-        /// Columns.
-        width: usize,
-        /// First sensor row.
-        row: usize,
-        /// First sensor column.
-        col: usize,
-        /// Sensor rows.
-        sensor_height: usize,
-        /// Sensor columns.
-        sensor_width: usize,
-    },
+    #[error(transparent)]
+    OffSensor(#[from] OffSensor),
     /// The floor of the shading correction is out of range.
     #[error("the floor of the shading correction is {value}; it must be above 0 and at most 1")]
     ShadingFloor {
@@ -96,4 +82,11 @@ pub enum SensorError {
         /// The value.
         value: f32,
     },
+}
+
+impl SensorError {
+    /// A picture or a frame of another shape than is needed.
+    pub(crate) fn shape(what: &'static str, expected: impl Into<String>, got: impl Into<String>) -> Self {
+        Self::Shape { what, expected: expected.into(), got: got.into() }
+    }
 }

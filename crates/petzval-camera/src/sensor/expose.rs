@@ -13,6 +13,7 @@ use super::noise::{FrameStreams, ShotScratch};
 use super::pixel::{Chain, Charge, light};
 use super::{Capture, Noise, Raw, SensorError, SensorModel};
 use crate::image::{CHANNELS, LinearImage};
+use crate::render::Window;
 use petzval_base::random::place;
 
 /// Exposes the sensor window at `capture.placement` to `irradiance` (3 planes, 1.0 = white).
@@ -246,13 +247,9 @@ pub(crate) fn check_placement(
     height: usize,
     width: usize,
 ) -> Result<(), SensorError> {
-    let (row, col) = (capture.placement.row, capture.placement.col);
-    let fits = |start: usize, len: usize, size: usize| start.checked_add(len).is_some_and(|end| end <= size);
-    if fits(row, height, sensor.height) && fits(col, width, sensor.width) {
-        return Ok(());
-    }
-    let (sensor_height, sensor_width) = (sensor.height, sensor.width);
-    Err(SensorError::OffSensor { height, width, row, col, sensor_height, sensor_width })
+    let window = Window { placement: capture.placement, height, width };
+    window.checked((sensor.height, sensor.width), "picture")?;
+    Ok(())
 }
 
 fn check_irradiance(irradiance: &LinearImage) -> Result<(), SensorError> {
@@ -264,11 +261,8 @@ fn check_irradiance(irradiance: &LinearImage) -> Result<(), SensorError> {
     }
     if let Some(i) = irradiance.data.iter().position(|v| !v.is_finite()) {
         let pixel = i % (height * width);
-        return Err(SensorError::Irradiance {
-            row: pixel / width,
-            col: pixel % width,
-            value: irradiance.data[i],
-        });
+        let (row, col) = (pixel / width, pixel % width);
+        return Err(SensorError::Irradiance { row, col, value: irradiance.data[i] });
     }
     Ok(())
 }

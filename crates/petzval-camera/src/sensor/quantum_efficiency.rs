@@ -65,13 +65,8 @@ impl QuantumEfficiency {
         for (i, &um) in self.wavelength_um.iter().enumerate() {
             let low = if i == 0 { 0.01 } else { self.wavelength_um[i - 1] };
             if !(low..=100.0).contains(&um) || (i > 0 && um == low) {
-                return wrong(
-                    wavelengths,
-                    um,
-                    low,
-                    100.0,
-                    "wavelengths in um, each larger than the one before",
-                );
+                let meaning = "wavelengths in um, each larger than the one before";
+                return wrong(wavelengths, um, low, 100.0, meaning);
             }
         }
         for (key, curve) in [
@@ -89,13 +84,8 @@ impl QuantumEfficiency {
             }
         }
         if Colour::ALL.into_iter().all(|c| self.samples(c).is_empty()) {
-            return wrong(
-                "quantum_efficiency.green",
-                0.0,
-                n as f64,
-                n as f64,
-                "the curve of at least one colour",
-            );
+            let meaning = "the curve of at least one colour";
+            return wrong("quantum_efficiency.green", 0.0, n as f64, n as f64, meaning);
         }
         for (key, value) in [
             ("quantum_efficiency.scale", self.scale),

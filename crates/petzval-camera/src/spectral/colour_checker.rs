@@ -1,6 +1,8 @@
 //! The ColorChecker Classic: 24 measured reflectances.
 
-use std::sync::OnceLock;
+use std::sync::LazyLock;
+
+use petzval_data::spectra;
 
 use super::table::SpectrumTable;
 use crate::spectrum::Spectrum;
@@ -21,17 +23,13 @@ pub const CHART_ROWS: usize = 4;
 
 /// Names and reflectances of the 24 patches, row by row from the top left (dark skin) to the bottom right (black).
 pub fn colour_checker(data: ChartData) -> &'static [(String, Spectrum)] {
-    static OHTA: OnceLock<SpectrumTable> = OnceLock::new();
-    static BABEL: OnceLock<SpectrumTable> = OnceLock::new();
-    let table = match data {
-        ChartData::Ohta => {
-            OHTA.get_or_init(|| SpectrumTable::built_in(petzval_data::spectra::COLORCHECKER_OHTA))
-        }
-        ChartData::BabelColor => {
-            BABEL.get_or_init(|| SpectrumTable::built_in(petzval_data::spectra::COLORCHECKER_BABELCOLOR))
-        }
-    };
-    &table.curves
+    type Table = LazyLock<SpectrumTable>;
+    static OHTA: Table = Table::new(|| SpectrumTable::built_in(spectra::COLORCHECKER_OHTA));
+    static BABEL: Table = Table::new(|| SpectrumTable::built_in(spectra::COLORCHECKER_BABELCOLOR));
+    match data {
+        ChartData::Ohta => &OHTA.curves,
+        ChartData::BabelColor => &BABEL.curves,
+    }
 }
 
 #[cfg(test)]

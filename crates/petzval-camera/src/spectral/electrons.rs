@@ -60,15 +60,11 @@ pub fn band_weights(
     band_um: &[f64],
 ) -> Result<Vec<(Colour, Vec<f64>)>, ElectronsError> {
     optics.validate()?;
-    sensor
-        .cfa
-        .colours()
-        .into_iter()
-        .map(|colour| {
-            let curve = curve_of(sensor, colour)?;
-            Ok((colour, optics.band_weights(band_um, &curve)))
-        })
-        .collect()
+    let colours = sensor.cfa.colours().into_iter().map(|colour| {
+        let curve = curve_of(sensor, colour)?;
+        Ok((colour, optics.band_weights(band_um, &curve)))
+    });
+    colours.collect()
 }
 
 /// Shortest and longest wavelength, um, at which white gives electrons: light, transmission and the efficiency of at least
@@ -160,10 +156,9 @@ impl ColourElectrons {
     /// This holds for any filter array. The result is already a mosaic: use it only with a capture at the same `placement`.
     pub fn as_light(&self, sensor: &SensorModel, white_e: f64, placement: Placement) -> LinearImage {
         let mut light = LinearImage::zeros(CHANNELS, self.height, self.width);
-        let gain: Vec<(Colour, f64)> = Colour::ALL
-            .into_iter()
-            .map(|c| (c, 1.0 / (white_e * sensor.response(c).iter().sum::<f64>())))
-            .collect();
+        let gain =
+            Colour::ALL.into_iter().map(|c| (c, 1.0 / (white_e * sensor.response(c).iter().sum::<f64>())));
+        let gain: Vec<(Colour, f64)> = gain.collect();
         for row in 0..self.height {
             for col in 0..self.width {
                 let colour = sensor.cfa.colour(placement.row + row, placement.col + col);

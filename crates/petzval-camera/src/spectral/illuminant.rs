@@ -1,6 +1,6 @@
 //! Illuminants: those of the CIE, daylight and black bodies of any temperature.
 
-use std::sync::OnceLock;
+use std::sync::LazyLock;
 
 use super::observer::luminous;
 use super::table::SpectrumTable;
@@ -47,8 +47,9 @@ pub enum IlluminantError {
 }
 
 fn tabulated() -> &'static SpectrumTable {
-    static TABLE: OnceLock<SpectrumTable> = OnceLock::new();
-    TABLE.get_or_init(|| SpectrumTable::built_in(petzval_data::spectra::ILLUMINANTS))
+    static TABLE: LazyLock<SpectrumTable> =
+        LazyLock::new(|| SpectrumTable::built_in(petzval_data::spectra::ILLUMINANTS));
+    &TABLE
 }
 
 /// Names of the tabulated illuminants.

@@ -1,6 +1,6 @@
 //! The CIE 1931 observer: from a spectrum to XYZ, luminance and chromaticity.
 
-use std::sync::OnceLock;
+use std::sync::LazyLock;
 
 use super::table::SpectrumTable;
 use crate::spectrum::{Spectrum, integral};
@@ -11,14 +11,9 @@ pub const LUMENS_PER_WATT: f64 = 683.0;
 /// Colour-matching functions x, y, z of the CIE 1931 2 degree observer, 360..830 nm every 1 nm (CIE 15); y is the luminous
 /// efficiency V.
 pub fn cie1931() -> &'static [Spectrum; 3] {
-    static OBSERVER: OnceLock<[Spectrum; 3]> = OnceLock::new();
-    OBSERVER.get_or_init(|| {
-        let table = SpectrumTable::built_in(petzval_data::spectra::CIE_1931);
-        match table.into_curves() {
-            Some(curves) => curves,
-            None => unreachable!("the observer has three functions"),
-        }
-    })
+    static OBSERVER: LazyLock<[Spectrum; 3]> =
+        LazyLock::new(|| SpectrumTable::built_in(petzval_data::spectra::CIE_1931).into_curves());
+    &OBSERVER
 }
 
 /// Tristimulus values of a stimulus per nm: `X = int S(l) x(l) dl`, l in nm, likewise Y and Z.

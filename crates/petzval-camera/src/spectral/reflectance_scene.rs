@@ -37,10 +37,9 @@ impl ReflectanceScene {
     pub fn radiance(&self, light: &Illuminant, lux: f64, band_um: &[f64]) -> Vec<Vec<f64>> {
         let white = light.white_radiance(lux);
         let range = ends(band_um);
-        self.materials
-            .iter()
-            .map(|reflectance| band_mean(&[&white, &reflectance.held(range)], band_um))
-            .collect()
+        let means =
+            self.materials.iter().map(|reflectance| band_mean(&[&white, &reflectance.held(range)], band_um));
+        means.collect()
     }
 
     /// Radiance of every pixel in one band, row by row. `radiance` comes from [`radiance`](Self::radiance).

@@ -15,11 +15,8 @@ impl SpectrumTable {
     /// Reads comma-separated values: a head line of names, then one line per wavelength. The first column holds wavelengths in
     /// nm. An empty cell means that the curve has no sample there. Lines that begin with `#` are comments.
     pub fn parse(text: &str) -> Result<Self, FileError> {
-        let mut lines = text
-            .lines()
-            .enumerate()
-            .map(|(i, line)| (i as u32 + 1, line.trim()))
-            .filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
+        let numbered = text.lines().enumerate().map(|(i, line)| (i as u32 + 1, line.trim()));
+        let mut lines = numbered.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
         let hint =
             "give a head line `wavelength_nm,NAME,...` and then lines of numbers, wavelengths ascending";
         let (head_line, head) =
@@ -38,10 +35,8 @@ impl SpectrumTable {
                 return Err(wrong(format!("{} cells where the head line has {}", cells.len(), names.len())));
             }
             let read = |cell: &str| -> Result<f64, FileError> {
-                cell.parse::<f64>()
-                    .ok()
-                    .filter(|v| v.is_finite())
-                    .ok_or_else(|| wrong(format!("`{cell}` is not a finite number")))
+                let number = cell.parse::<f64>().ok().filter(|v| v.is_finite());
+                number.ok_or_else(|| wrong(format!("`{cell}` is not a finite number")))
             };
             let um = read(cells[0])? / 1000.0;
             for ((cell, (at, value)), places) in cells[1..].iter().zip(&mut samples).zip(&mut places) {
@@ -53,21 +48,17 @@ impl SpectrumTable {
             }
         }
         // Make a curve of every column.
-        let curves = names[1..]
-            .iter()
-            .zip(samples)
-            .zip(places)
-            .map(|((name, (at, value)), places)| {
-                let curve = Spectrum::new(at, value).map_err(|e| {
-                    let (number, line) = match &e {
-                        SpectrumError::Wavelength { index, .. } => places[*index],
-                        _ => (head_line, head),
-                    };
-                    FileError::at_line(number, line, format!("column `{name}`: {e}")).hint(hint)
-                })?;
-                Ok(((*name).to_owned(), curve))
-            })
-            .collect::<Result<_, FileError>>()?;
+        let curves = names[1..].iter().zip(samples).zip(places).map(|((name, (at, value)), places)| {
+            let curve = Spectrum::new(at, value).map_err(|e| {
+                let (number, line) = match &e {
+                    SpectrumError::Wavelength { index, .. } => places[*index],
+                    _ => (head_line, head),
+                };
+                FileError::at_line(number, line, format!("column `{name}`: {e}")).hint(hint)
+            })?;
+            Ok(((*name).to_owned(), curve))
+        });
+        let curves = curves.collect::<Result<_, FileError>>()?;
         Ok(Self { curves })
     }
 
@@ -85,8 +76,9 @@ impl SpectrumTable {
     }
 
     /// All curves of a table of `N` curves; `None` if it has another number.
-    pub(super) fn into_curves<const N: usize>(self) -> Option<[Spectrum; N]> {
-        self.curves.into_iter().map(|(_, curve)| curve).collect::<Vec<_>>().try_into().ok()
+    pub(super) fn into_curves<const N: usize>(self) -> [Spectrum; N] {
+        let curves: Vec<Spectrum> = self.curves.into_iter().map(|(_, curve)| curve).collect();
+        curves.try_into().unwrap_or_else(|_| unreachable!("a built-in table of {N} spectra"))
     }
 }
 

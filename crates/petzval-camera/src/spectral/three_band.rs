@@ -76,17 +76,14 @@ impl ThreeBand {
 impl ColourElectrons {
     /// Electrons of a three-band picture by the 3x3 (or 3x4) matrix of `bands`: the fast path.
     pub fn of_rgb(photo: &LinearImage, bands: &ThreeBand) -> Self {
-        let planes = bands
-            .rows
-            .iter()
-            .map(|(colour, row)| {
-                let row = row.map(|v| v as f32);
-                let plane = |c: usize| photo.plane(c.min(photo.channels.max(1) - 1));
-                let (r, g, b) = (plane(0), plane(1), plane(CHANNELS - 1));
-                let electrons = (0..r.len()).map(|i| row[0] * r[i] + row[1] * g[i] + row[2] * b[i]).collect();
-                (*colour, electrons)
-            })
-            .collect();
+        let planes = bands.rows.iter().map(|(colour, row)| {
+            let row = row.map(|v| v as f32);
+            let plane = |c: usize| photo.plane(c.min(photo.channels.max(1) - 1));
+            let (r, g, b) = (plane(0), plane(1), plane(CHANNELS - 1));
+            let electrons = (0..r.len()).map(|i| row[0] * r[i] + row[1] * g[i] + row[2] * b[i]).collect();
+            (*colour, electrons)
+        });
+        let planes = planes.collect();
         Self { height: photo.height, width: photo.width, planes }
     }
 }

@@ -6,7 +6,7 @@
 //! primary decomposition for rendering with sRGB reflectance", EGSR 2019. The example `srgb_basis` computes the three
 //! curves: they have the least sum of squared second differences.
 
-use std::sync::OnceLock;
+use std::sync::LazyLock;
 
 use super::colour::{Matrix3, srgb_from_xyz, xyz_from_srgb};
 use super::illuminant::Illuminant;
@@ -19,14 +19,9 @@ use crate::spectrum::bands::{band_mean, ends};
 
 /// The three reflectances, 380..780 nm every 5 nm.
 pub fn srgb_basis() -> &'static [Spectrum; 3] {
-    static BASIS: OnceLock<[Spectrum; 3]> = OnceLock::new();
-    BASIS.get_or_init(|| {
-        let table = SpectrumTable::built_in(petzval_data::spectra::SRGB_BASIS);
-        match table.into_curves() {
-            Some(curves) => curves,
-            None => unreachable!("the basis has three curves"),
-        }
-    })
+    static BASIS: LazyLock<[Spectrum; 3]> =
+        LazyLock::new(|| SpectrumTable::built_in(petzval_data::spectra::SRGB_BASIS).into_curves());
+    &BASIS
 }
 
 /// Reflectance of a linear sRGB colour; within 0..1 for colours within 0..1.
@@ -34,10 +29,8 @@ pub fn reflectance_of_srgb(rgb: [f64; 3]) -> Spectrum {
     let [r, g, b] = srgb_basis();
     let mixed =
         (0..r.value().len()).map(|i| rgb[0] * r.value()[i] + rgb[1] * g.value()[i] + rgb[2] * b.value()[i]);
-    match Spectrum::new(
-        r.wavelength_um().to_vec(),
-        mixed.map(|v| if v.is_finite() { v } else { 0.0 }).collect(),
-    ) {
+    let mixed = mixed.map(|v| if v.is_finite() { v } else { 0.0 }).collect();
+    match Spectrum::new(r.wavelength_um().to_vec(), mixed) {
         Ok(curve) => curve,
         Err(error) => unreachable!("a mixture of the basis is finite: {error}"),
     }
@@ -45,11 +38,11 @@ pub fn reflectance_of_srgb(rgb: [f64; 3]) -> Spectrum {
 
 /// XYZ of D65 (Y = 1) over the range of the basis, and the matrices between XYZ and linear sRGB with that white.
 pub fn d65_white() -> ([f64; 3], Matrix3, Matrix3) {
-    static WHITE: OnceLock<([f64; 3], Matrix3, Matrix3)> = OnceLock::new();
-    *WHITE.get_or_init(|| {
+    static WHITE: LazyLock<([f64; 3], Matrix3, Matrix3)> = LazyLock::new(|| {
         let white = xyz_of_reflectance(&reflectance_of_srgb([1.0; 3]), &d65());
         (white, xyz_from_srgb(white), srgb_from_xyz(white))
-    })
+    });
+    *WHITE
 }
 
 /// A photograph as the spectral image of a matt print under `light` with an illuminance of `lux`: radiance

@@ -80,13 +80,18 @@ pub trait DeviceForm {
     fn forward(&self, inputs: &[DispatchTensor], tracked: &[bool]) -> DispatchTensor;
 
     /// See [`Kernel::backward`]; none for inputs that are not wanted.
-    fn backward(
-        &self,
-        inputs: &[DispatchTensor],
-        output: Option<&DispatchTensor>,
-        gradient: &DispatchTensor,
-        wanted: &[bool],
-    ) -> Vec<Option<DispatchTensor>>;
+    fn backward(&self, inputs: &[DispatchTensor], at: Cotangent<'_>) -> Vec<Option<DispatchTensor>>;
+}
+
+/// What the backward pass of a [`DeviceForm`] starts from; see [`Kernel::backward`].
+#[derive(Clone, Copy)]
+pub struct Cotangent<'a> {
+    /// The value of the function; none unless the kernel [reads it](Kernel::reads_output).
+    pub output: Option<&'a DispatchTensor>,
+    /// The cotangent of that value.
+    pub gradient: &'a DispatchTensor,
+    /// The inputs whose cotangents are wanted.
+    pub wanted: &'a [bool],
 }
 
 /// Applies a kernel to tensors of any rank; `R` is the rank of its value. The value has the device and the number type of the first input.
@@ -285,7 +290,8 @@ fn backward<B: Memory>(
 ) -> Vec<Option<FloatTensor<B>>> {
     if let Some((form, inputs)) = served::<B>(kernel, inputs) {
         let (output, gradient) = (output.map(B::erased), B::erased(gradient));
-        let found = form.backward(&inputs, output.as_ref(), &gradient, wanted);
+        let at = Cotangent { output: output.as_ref(), gradient: &gradient, wanted };
+        let found = form.backward(&inputs, at);
         return found.into_iter().map(|gradient| gradient.map(B::concrete)).collect();
     }
     let values: Vec<Values> = inputs.iter().map(B::values).collect();

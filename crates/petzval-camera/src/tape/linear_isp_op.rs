@@ -25,11 +25,8 @@ pub fn linear_isp_op(
     let [batch, _, height, width] = raw.dims();
     let device = raw.device();
     if captures.len() != batch {
-        return Err(SensorError::Shape {
-            what: "raw frames",
-            expected: format!("one capture each, {batch}"),
-            got: format!("{} captures", captures.len()),
-        });
+        let got = format!("{} captures", captures.len());
+        return Err(SensorError::shape("raw frames", format!("one capture each, {batch}"), got));
     }
     // Clip each pixel where white light would saturate the first colour: the levels of a tile of the array, repeated.
     let (rows, cols) = (sensor.cfa.rows(), sensor.cfa.cols());
@@ -80,14 +77,12 @@ pub fn linear_isp_pull_back(
         }
     }
     if raw.dn.len() != pixels {
-        let (expected, got) = (format!("{pixels} values"), format!("{} values", raw.dn.len()));
-        return Err(SensorError::Shape { what: "raw frame", expected, got });
+        let got = format!("{} values", raw.dn.len());
+        return Err(SensorError::shape("raw frame", format!("{pixels} values"), got));
     }
     let demosaic = isp.interpolation.demosaic;
     if !demosaic.is_differentiable() {
-        let expected = "bilinear, malvar or menon, which have a gradient".to_owned();
-        let (what, got) = ("method of demosaicing", demosaic.name().to_owned());
-        return Err(SensorError::Shape { what, expected, got });
+        return Err(demosaic.without_gradient());
     }
     let device = Device::flex().autodiff();
     let dn = TensorData::new(raw.dn.clone(), [1, 1, height, width]);

@@ -39,11 +39,8 @@ pub fn render_op(
     scenes: Vec<PlacedScene>,
 ) -> Result<Tensor<4>, RenderError> {
     let radius = kernel_radius(geometry, layout)?;
-    same(
-        "shape of the PSF values",
-        [layout.fields(), CHANNELS, layout.grid, layout.grid],
-        psf_values.dims(),
-    )?;
+    let what = "shape of the PSF values";
+    same(what, [layout.fields(), CHANNELS, layout.grid, layout.grid], psf_values.dims())?;
     same("number of field radii", [layout.fields()], field_radius_mm.dims())?;
     let Some(first) = scenes.first() else {
         return Err(mismatch("number of scenes", "at least 1", "0"));

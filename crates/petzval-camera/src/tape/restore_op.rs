@@ -52,11 +52,8 @@ pub fn restore_op(
     layout.validate()?;
     let [batch, channels, height, width] = pictures.dims();
     same("number of pictures and planes", [placements.len(), CHANNELS], [batch, channels])?;
-    same(
-        "shape of the PSF values",
-        [layout.fields(), CHANNELS, layout.grid, layout.grid],
-        psf_values.dims(),
-    )?;
+    let what = "shape of the PSF values";
+    same(what, [layout.fields(), CHANNELS, layout.grid, layout.grid], psf_values.dims())?;
     same("number of field radii", [layout.fields()], field_radius_mm.dims())?;
     same("shape of the regularisation curves", [CHANNELS, KNOTS], curves.dims())?;
     let mut active = vec![false; geometry.patch_count()];

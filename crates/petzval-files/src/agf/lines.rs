@@ -1,6 +1,6 @@
 //! Records of a file: lines, with their continuations.
 
-use petzval_base::{FileError, quote};
+use petzval_base::FileError;
 
 /// A record of the file: one line, or several whose later ones begin with a number.
 #[derive(Debug)]
@@ -62,14 +62,7 @@ impl Line {
 
 /// An error at a line, about a text in it.
 pub(super) fn error_at(number: usize, about: &str, message: impl Into<String>) -> FileError {
-    FileError {
-        line: u32::try_from(number).ok(),
-        column: None,
-        key: String::new(),
-        value: quote(about),
-        message: message.into(),
-        hint: None,
-    }
+    FileError::at_line(u32::try_from(number).unwrap_or(0), about, message)
 }
 
 pub(super) fn finite(word: &str) -> Option<f64> {

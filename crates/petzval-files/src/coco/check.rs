@@ -104,12 +104,9 @@ fn check_categories(data: &mut DataSet, defects: &mut Defects) {
 fn check_form(data: &DataSet, defects: &mut Defects) {
     let images: HashMap<u64, &Image> = data.images.iter().map(|image| (image.id, image)).collect();
     let image_of = |annotation: &Annotation| images.get(&annotation.image_id).copied();
-    let placed: Vec<(&Annotation, &Image)> = data
-        .annotations
-        .iter()
-        .filter_map(|annotation| Some((annotation, image_of(annotation)?)))
-        .filter(|(_, image)| image.width > 1 && image.height > 1)
-        .collect();
+    let placed = data.annotations.iter().filter_map(|a| Some((a, image_of(a)?)));
+    let placed = placed.filter(|(_, image)| image.width > 1 && image.height > 1);
+    let placed: Vec<(&Annotation, &Image)> = placed.collect();
     if placed.len() < LEAST_BOXES {
         return;
     }

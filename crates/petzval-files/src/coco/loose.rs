@@ -158,64 +158,91 @@ impl fmt::Display for Loose {
     }
 }
 
-impl<'de> Deserialize<'de> for Loose {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(LooseVisitor)
-    }
+/// A value that is read from JSON of any type: lists and tables in a way of its own, all else by what it is.
+pub(super) trait AnyValue<'de>: Sized {
+    /// From a value that is neither list nor table.
+    fn plain(value: Loose) -> Self;
+
+    /// From a list.
+    fn list<A: SeqAccess<'de>>(list: A) -> Result<Self, A::Error>;
+
+    /// From a table.
+    fn table<A: MapAccess<'de>>(table: A) -> Result<Self, A::Error>;
 }
 
-fn whole_or_number(n: i64) -> Loose {
-    u64::try_from(n).map_or(Loose::Number(n as f64), Loose::Whole)
+/// Reads a value of any type.
+pub(super) fn any_value<'de, T: AnyValue<'de>, D: Deserializer<'de>>(from: D) -> Result<T, D::Error> {
+    from.deserialize_any(AnyVisitor(PhantomData))
 }
 
-struct LooseVisitor;
+struct AnyVisitor<T>(PhantomData<T>);
 
-impl<'de> Visitor<'de> for LooseVisitor {
-    type Value = Loose;
+impl<'de, T: AnyValue<'de>> Visitor<'de> for AnyVisitor<T> {
+    type Value = T;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("a value")
     }
 
-    fn visit_unit<E>(self) -> Result<Loose, E> {
-        Ok(Loose::Absent)
+    fn visit_unit<E>(self) -> Result<T, E> {
+        Ok(T::plain(Loose::Absent))
     }
 
-    fn visit_bool<E>(self, flag: bool) -> Result<Loose, E> {
-        Ok(Loose::Flag(flag))
+    fn visit_bool<E>(self, flag: bool) -> Result<T, E> {
+        Ok(T::plain(Loose::Flag(flag)))
     }
 
-    fn visit_u64<E>(self, n: u64) -> Result<Loose, E> {
-        Ok(Loose::Whole(n))
+    fn visit_u64<E>(self, n: u64) -> Result<T, E> {
+        Ok(T::plain(Loose::Whole(n)))
     }
 
-    fn visit_i64<E>(self, n: i64) -> Result<Loose, E> {
-        Ok(whole_or_number(n))
+    fn visit_i64<E>(self, n: i64) -> Result<T, E> {
+        Ok(T::plain(u64::try_from(n).map_or(Loose::Number(n as f64), Loose::Whole)))
     }
 
-    fn visit_f64<E>(self, v: f64) -> Result<Loose, E> {
-        Ok(Loose::Number(v))
+    fn visit_f64<E>(self, v: f64) -> Result<T, E> {
+        Ok(T::plain(Loose::Number(v)))
     }
 
-    fn visit_str<E>(self, text: &str) -> Result<Loose, E> {
-        Ok(Loose::Text(text.to_owned()))
+    fn visit_str<E>(self, text: &str) -> Result<T, E> {
+        Ok(T::plain(Loose::Text(text.to_owned())))
     }
 
-    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Loose, A::Error> {
+    fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<T, A::Error> {
+        T::list(list)
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, table: A) -> Result<T, A::Error> {
+        T::table(table)
+    }
+}
+
+impl<'de> Deserialize<'de> for Loose {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        any_value(deserializer)
+    }
+}
+
+impl<'de> AnyValue<'de> for Loose {
+    fn plain(value: Loose) -> Self {
+        value
+    }
+
+    fn list<A: SeqAccess<'de>>(mut list: A) -> Result<Self, A::Error> {
         let mut values = Vec::new();
         while values.len() < MOST {
             match list.next_element()? {
                 Some(value) => values.push(value),
-                None => return Ok(Loose::List(values)),
+                None => return Ok(Self::List(values)),
             }
         }
         while list.next_element::<IgnoredAny>()?.is_some() {}
-        Ok(Loose::List(values))
+        Ok(Self::List(values))
     }
 
-    fn visit_map<A: MapAccess<'de>>(self, mut table: A) -> Result<Loose, A::Error> {
+    fn table<A: MapAccess<'de>>(mut table: A) -> Result<Self, A::Error> {
         while table.next_entry::<IgnoredAny, IgnoredAny>()?.is_some() {}
-        Ok(Loose::Table)
+        Ok(Self::Table)
     }
 }
 
@@ -236,11 +263,9 @@ pub(super) enum Record<T> {
 
 impl<'de, T: Deserialize<'de> + Fields> Deserialize<'de> for Record<T> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(RecordVisitor(PhantomData))
+        any_value(deserializer)
     }
 }
-
-struct RecordVisitor<T>(PhantomData<T>);
 
 impl<T> Record<T> {
     /// The record, if it is one.
@@ -276,50 +301,24 @@ impl<'de, A: MapAccess<'de>> MapAccess<'de> for Noting<'_, A> {
     }
 }
 
-impl<'de, T: Deserialize<'de> + Fields> Visitor<'de> for RecordVisitor<T> {
-    type Value = Record<T>;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a table")
+impl<'de, T: Deserialize<'de> + Fields> AnyValue<'de> for Record<T> {
+    fn plain(value: Loose) -> Self {
+        Self::Other(value)
     }
 
-    fn visit_map<A: MapAccess<'de>>(self, table: A) -> Result<Record<T>, A::Error> {
+    fn list<A: SeqAccess<'de>>(list: A) -> Result<Self, A::Error> {
+        Loose::list(list).map(Self::Other)
+    }
+
+    fn table<A: MapAccess<'de>>(table: A) -> Result<Self, A::Error> {
         let Some(known) = T::KNOWN else {
-            return T::deserialize(MapAccessDeserializer::new(table)).map(Record::Table);
+            return T::deserialize(MapAccessDeserializer::new(table)).map(Self::Table);
         };
         let mut unread = Vec::new();
         let noting = Noting { table, known, unread: &mut unread };
         let mut record = T::deserialize(MapAccessDeserializer::new(noting))?;
         record.set_unread(unread);
-        Ok(Record::Table(record))
-    }
-
-    fn visit_unit<E>(self) -> Result<Record<T>, E> {
-        Ok(Record::Other(Loose::Absent))
-    }
-
-    fn visit_bool<E>(self, flag: bool) -> Result<Record<T>, E> {
-        Ok(Record::Other(Loose::Flag(flag)))
-    }
-
-    fn visit_u64<E>(self, n: u64) -> Result<Record<T>, E> {
-        Ok(Record::Other(Loose::Whole(n)))
-    }
-
-    fn visit_i64<E>(self, n: i64) -> Result<Record<T>, E> {
-        Ok(Record::Other(whole_or_number(n)))
-    }
-
-    fn visit_f64<E>(self, v: f64) -> Result<Record<T>, E> {
-        Ok(Record::Other(Loose::Number(v)))
-    }
-
-    fn visit_str<E>(self, text: &str) -> Result<Record<T>, E> {
-        Ok(Record::Other(Loose::Text(text.to_owned())))
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Record<T>, A::Error> {
-        LooseVisitor.visit_seq(list).map(Record::Other)
+        Ok(Self::Table(record))
     }
 }
 

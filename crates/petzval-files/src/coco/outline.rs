@@ -1,11 +1,9 @@
 //! The bounds of an outline or a mask (`segmentation`) in a file of COCO, found while it is read, so that its points need no memory.
 
-use std::fmt;
-
-use serde::de::{Deserialize, Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
+use serde::de::{Deserialize, Deserializer, IgnoredAny, MapAccess, SeqAccess};
 
 use super::bounds::Bounds;
-use super::loose::Loose;
+use super::loose::{AnyValue, Loose, any_value};
 use super::mask::{MOST_RUNS, Mask, runs_of_text};
 
 /// What is known of an outline.
@@ -47,44 +45,20 @@ impl<'de> Deserialize<'de> for Outline {
 
 impl<'de> Deserialize<'de> for Part {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(PartVisitor)
+        any_value(deserializer)
     }
 }
 
-struct PartVisitor;
-
-impl<'de> Visitor<'de> for PartVisitor {
-    type Value = Part;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("an outline")
+impl<'de> AnyValue<'de> for Part {
+    fn plain(value: Loose) -> Self {
+        match value {
+            Loose::Whole(n) => Self::Number(n as f64),
+            Loose::Number(v) => Self::Number(v),
+            _ => Self::Other,
+        }
     }
 
-    fn visit_u64<E>(self, n: u64) -> Result<Part, E> {
-        Ok(Part::Number(n as f64))
-    }
-
-    fn visit_i64<E>(self, n: i64) -> Result<Part, E> {
-        Ok(Part::Number(n as f64))
-    }
-
-    fn visit_f64<E>(self, v: f64) -> Result<Part, E> {
-        Ok(Part::Number(v))
-    }
-
-    fn visit_bool<E>(self, _: bool) -> Result<Part, E> {
-        Ok(Part::Other)
-    }
-
-    fn visit_str<E>(self, _: &str) -> Result<Part, E> {
-        Ok(Part::Other)
-    }
-
-    fn visit_unit<E>(self) -> Result<Part, E> {
-        Ok(Part::Other)
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, mut table: A) -> Result<Part, A::Error> {
+    fn table<A: MapAccess<'de>>(mut table: A) -> Result<Self, A::Error> {
         let (mut size, mut counts) = (None, None);
         while let Some(key) = table.next_key::<String>()? {
             match key.as_str() {
@@ -102,7 +76,7 @@ impl<'de> Visitor<'de> for PartVisitor {
         Ok(mask.map_or(Part::Other, Part::Mask))
     }
 
-    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Part, A::Error> {
+    fn list<A: SeqAccess<'de>>(mut list: A) -> Result<Self, A::Error> {
         let (mut bounds, mut across, mut is_pairs, mut is_empty) = (None::<Bounds>, None::<f64>, true, true);
         let corners = |b: &Bounds| [[b.x, b.y], [b.x + b.width, b.y + b.height]];
         while let Some(part) = list.next_element::<Part>()? {
@@ -134,49 +108,21 @@ struct Runs(Option<Vec<u64>>);
 
 impl<'de> Deserialize<'de> for Runs {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(RunsVisitor)
+        any_value(deserializer)
     }
 }
 
-struct RunsVisitor;
-
-impl<'de> Visitor<'de> for RunsVisitor {
-    type Value = Runs;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("the runs of a mask")
+impl<'de> AnyValue<'de> for Runs {
+    fn plain(value: Loose) -> Self {
+        Self(value.text().ok().and_then(runs_of_text))
     }
 
-    fn visit_u64<E>(self, _: u64) -> Result<Runs, E> {
-        Ok(Runs(None))
-    }
-
-    fn visit_i64<E>(self, _: i64) -> Result<Runs, E> {
-        Ok(Runs(None))
-    }
-
-    fn visit_f64<E>(self, _: f64) -> Result<Runs, E> {
-        Ok(Runs(None))
-    }
-
-    fn visit_bool<E>(self, _: bool) -> Result<Runs, E> {
-        Ok(Runs(None))
-    }
-
-    fn visit_unit<E>(self) -> Result<Runs, E> {
-        Ok(Runs(None))
-    }
-
-    fn visit_str<E>(self, text: &str) -> Result<Runs, E> {
-        Ok(Runs(runs_of_text(text)))
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, mut table: A) -> Result<Runs, A::Error> {
+    fn table<A: MapAccess<'de>>(mut table: A) -> Result<Self, A::Error> {
         while table.next_entry::<IgnoredAny, IgnoredAny>()?.is_some() {}
         Ok(Runs(None))
     }
 
-    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Runs, A::Error> {
+    fn list<A: SeqAccess<'de>>(mut list: A) -> Result<Self, A::Error> {
         let mut runs = Some(Vec::new());
         while let Some(value) = list.next_element::<Loose>()? {
             match (value.whole(), &mut runs) {

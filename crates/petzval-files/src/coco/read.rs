@@ -426,12 +426,7 @@ pub(super) fn json_error(bytes: &[u8], error: &serde_json::Error) -> FileError {
     // Files in one line have it up to the place.
     let from = error.column().saturating_sub(30).min(near.len());
     let to = (error.column() + 10).min(near.len());
-    FileError {
-        line,
-        column: line.and(u32::try_from(error.column()).ok()),
-        key: String::new(),
-        value: petzval_base::quote(&String::from_utf8_lossy(&near[from..to.max(from)])),
-        message,
-        hint: Some(hint.to_owned()),
-    }
+    let column = line.and(u32::try_from(error.column()).ok());
+    let near = String::from_utf8_lossy(&near[from..to.max(from)]);
+    FileError { line, column, ..FileError::at_line(0, &near, message).hint(hint) }
 }

@@ -69,8 +69,7 @@ pub(super) fn entrance_pupil_mm(
         (Aperture::ObjectNa(sine), Some((to_pupil, _))) => from_sine(sine, to_pupil),
         (Aperture::ObjectCone(deg), Some((to_pupil, _))) => 2.0 * to_pupil * deg.to_radians().tan(),
         (Aperture::ObjectNa(_) | Aperture::ObjectCone(_), None) => {
-            let message = "an aperture at the object needs an object at a finite distance";
-            return Err(record.error(message));
+            return Err(record.error("an aperture at the object needs an object at a finite distance"));
         }
         (Aperture::StopSize, _) => {
             let (Clear::Edge(semi) | Clear::Beam(semi) | Clear::Open(semi)) = stop;
@@ -121,7 +120,7 @@ pub(super) fn within_stop(lens: &Lens, stop: &Drafted, losses: &mut Losses) -> f
         rounded(diameter),
         rounded(narrowed)
     );
-    losses.add(stop.record.line, &stop.record.text, Effect::Approximated, message);
+    stop.record.lose(losses, Effect::Approximated, message);
     narrowed
 }
 

@@ -65,7 +65,7 @@ pub(super) fn check_telecentric(
     let message = format!(
         "chief rays go through the middle of the stop, up to {off_mrad:.2e} mrad from parallel to the axis (telecentric)"
     );
-    losses.add(record.line, &record.text, Effect::Approximated, &message);
+    record.lose(losses, Effect::Approximated, &message);
     Ok(())
 }
 
@@ -124,12 +124,12 @@ pub(super) fn angles_deg(lens: &Lens, fields: &Fields, losses: &mut Losses) -> R
     }
     if turned {
         let message = "fields off the y axis are turned into it: the lens is rotationally symmetric";
-        losses.add(record.line, &record.text, Effect::NoRay, message);
+        record.lose(losses, Effect::NoRay, message);
     }
     if mirrored {
         let message =
             "negative fields are the mirror images of positive ones: the lens is rotationally symmetric";
-        losses.add(record.line, &record.text, Effect::NoRay, message);
+        record.lose(losses, Effect::NoRay, message);
     }
     angles.sort_by(f64::total_cmp);
     angles.dedup();

@@ -31,7 +31,7 @@ pub(super) fn without_idle_planes(
         }
         stop -= usize::from(plane < stop);
         let message = "a plane without effect is left out: a distance beside it runs against the light";
-        losses.add(removed.record.line, &removed.record.text, Effect::NoRay, message);
+        removed.record.lose(losses, Effect::NoRay, message);
         at = plane.saturating_sub(1);
     }
     stop

@@ -40,6 +40,16 @@ pub(super) const MOST_VALUES: usize = 100;
 /// Largest size of a file, bytes.
 pub(super) const MOST_BYTES: usize = 16 << 20;
 
+/// Refuses a file that is larger than the largest.
+pub(super) fn check_size(text: &str) -> Result<(), FileError> {
+    if text.len() > MOST_BYTES {
+        return Err(
+            Record::default().error(format!("a lens file of more than {} MB is not read", MOST_BYTES >> 20))
+        );
+    }
+    Ok(())
+}
+
 /// Distance from which an object counts as infinitely far, mm: CODE V writes this number for infinity.
 pub(super) const FAR_MM: f64 = 1e10;
 
@@ -103,10 +113,7 @@ impl Draft {
         let object = match object_mm {
             far if far.abs() >= FAR_MM => ObjectDistance::Infinity,
             near if near != 0.0 && !near.is_nan() => ObjectDistance::Finite(near),
-            _ => {
-                let message = "the object must lie apart from the first surface";
-                return Err(self.object.1.error(message));
-            }
+            _ => return Err(self.object.1.error("the object must lie apart from the first surface")),
         };
         let mut lens = Lens {
             name: self.name,
@@ -184,11 +191,11 @@ fn wavelengths(
     all.dedup();
     let weights: Vec<f64> = list.iter().filter(judged).map(|w| w.1).collect();
     if weights.windows(2).any(|w| w[0] != w[1]) {
-        losses.add(record.line, &record.text, Effect::NoRay, "weights of wavelengths are not kept");
+        record.lose(losses, Effect::NoRay, "weights of wavelengths are not kept");
     }
     let idle = |(i, w): &(usize, &(f64, f64))| w.1 == 0.0 && *i != reference;
     if list.iter().any(|w| w.1 != 0.0) && list.iter().enumerate().any(|w| idle(&w)) {
-        losses.add(record.line, &record.text, Effect::NoRay, "wavelengths of weight 0 are not kept");
+        record.lose(losses, Effect::NoRay, "wavelengths of weight 0 are not kept");
     }
     Ok((all, *reference_um))
 }

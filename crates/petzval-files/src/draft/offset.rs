@@ -27,12 +27,12 @@ pub(super) fn with_planes(
         let is_cut = radius_mm - at_mm[0].hypot(at_mm[1]) < beam_mm;
         if i != stop || !is_cut || !in_plane || drafted[i].surface.placement.is_some() {
             let message = "the aperture is off the vertex; a circle about the vertex encloses it";
-            losses.add(record.line, &record.text, Effect::Approximated, message);
+            record.lose(losses, Effect::Approximated, message);
             continue;
         }
         let message =
             "the aperture of the stop is off the vertex; a shifted plane in front of the stop clips the beam";
-        losses.add(record.line, &record.text, Effect::Approximated, message);
+        record.lose(losses, Effect::Approximated, message);
         let surface = Surface {
             label: "aperture of the stop".to_owned(),
             glass: i.checked_sub(1).map_or_else(Glass::air, |before| drafted[before].surface.glass.clone()),

@@ -1,5 +1,6 @@
 //! Lines of a file.
 
+use crate::loss::{Effect, Losses};
 use petzval_base::FileError;
 
 /// The character that ends a line: files of old Macintoshes have carriage returns alone.
@@ -23,5 +24,10 @@ impl Record {
 
     pub fn error(&self, message: impl Into<String>) -> FileError {
         FileError::at_line(self.line, &self.text, message)
+    }
+
+    /// Adds a loss of the line.
+    pub fn lose(&self, losses: &mut Losses, effect: Effect, message: impl Into<String>) {
+        losses.add(self.line, &self.text, effect, message);
     }
 }

@@ -42,6 +42,6 @@ pub(super) fn off_the_focus(lens: Lens, drafted: &[Drafted], losses: &mut Losses
         "the stop is exactly at the focus in front of it (telecentric), and moves {:.1e} mm off it: an entrance pupil at infinity has no size",
         step_mm.abs()
     );
-    losses.add(record.line, &record.text, Effect::Approximated, message);
+    record.lose(losses, Effect::Approximated, message);
     lens
 }

@@ -80,17 +80,13 @@ fn read_glass(text: &str, name: &Spanned<String>, table: &GlassText) -> Result<G
         let t = thermal.get_ref();
         let (d, e) = (t.d.map(|n| n.0), t.e.map(|n| n.0));
         let (lambda_tk_um, reference_c) = (t.lambda_tk_um.0, t.reference_c.0);
-        check_finite(
-            text,
-            thermal.span(),
-            "thermal",
-            d.into_iter().chain(e).chain([lambda_tk_um, reference_c]),
-        )?;
+        let numbers = d.into_iter().chain(e).chain([lambda_tk_um, reference_c]);
+        At::of(text, thermal, "thermal").check_finite(numbers)?;
         glass.thermal = Some(Thermal { d, e, lambda_tk_um, reference_c });
     }
     for row in &table.expansion {
         let (range_c, per_k) = (row.get_ref().range_c.map(|n| n.0), row.get_ref().per_k.0);
-        check_finite(text, row.span(), "expansion", range_c.into_iter().chain([per_k]))?;
+        At::of(text, row, "expansion").check_finite(range_c.into_iter().chain([per_k]))?;
         glass.expansion.push(Expansion { range_c, per_k });
     }
     glass.density_g_cm3 = not_negative(text, "density_g_cm3", &table.density_g_cm3)?;
@@ -109,62 +105,87 @@ fn contradiction(text: &str, table: &GlassText, name: &str, misprint: &Misprint)
     FileError::at(text, span, &key, format!("{name}: {misprint}")).hint("one of them is mistyped")
 }
 
+/// A value of a glass table: its place in the text, and its key.
+struct At<'a> {
+    text: &'a str,
+    span: Range<usize>,
+    key: &'a str,
+}
+
+impl<'a> At<'a> {
+    fn of<T>(text: &'a str, value: &Spanned<T>, key: &'a str) -> Self {
+        Self { text, span: value.span(), key }
+    }
+
+    fn error(&self, message: impl Into<String>) -> FileError {
+        FileError::at(self.text, self.span.clone(), self.key, message)
+    }
+
+    /// Fails with this message unless the condition holds.
+    fn check(&self, condition: bool, message: &str) -> Result<(), FileError> {
+        if condition { Ok(()) } else { Err(self.error(message)) }
+    }
+
+    fn check_finite(&self, mut numbers: impl Iterator<Item = f64>) -> Result<(), FileError> {
+        self.check(numbers.all(f64::is_finite), "a number is not finite")
+    }
+
+    /// Checks that two lists have the same length, are not empty, and are finite.
+    fn check_pair(&self, left: &[f64], right: &[f64]) -> Result<(), FileError> {
+        if left.len() != right.len() || left.is_empty() {
+            let (left, right) = (left.len(), right.len());
+            return Err(self.error(format!("lists of {left} and {right} numbers do not belong together")));
+        }
+        self.check_finite(left.iter().chain(right).copied())
+    }
+
+    fn check_ascending(&self, um: &[f64]) -> Result<(), FileError> {
+        let ascends = um.windows(2).all(|w| w[0] < w[1]) && um.iter().all(|w| *w > 0.0);
+        self.check(ascends, "the wavelengths do not ascend")
+    }
+}
+
 /// The one formula of a glass table.
 fn read_dispersion(text: &str, name: &Spanned<String>, table: &GlassText) -> Result<Dispersion, FileError> {
     let mut formulas = Vec::new();
     if let Some(n) = &table.n {
-        if !(n.get_ref().0 >= 1.0 && n.get_ref().0.is_finite()) {
-            return Err(FileError::at(text, n.span(), "n", "an index is a finite number from 1"));
-        }
+        let is_index = n.get_ref().0 >= 1.0 && n.get_ref().0.is_finite();
+        At::of(text, n, "n").check(is_index, "an index is a finite number from 1")?;
         formulas.push(("n", n.span(), Dispersion::Constant(n.get_ref().0)));
     }
     if let Some(s) = &table.sellmeier {
         let (b, c_um2) = (plain(&s.get_ref().b), plain(&s.get_ref().c_um2));
-        check_pair(text, s.span(), "sellmeier", &b, &c_um2)?;
+        At::of(text, s, "sellmeier").check_pair(&b, &c_um2)?;
         formulas.push(("sellmeier", s.span(), Dispersion::Sellmeier { b, c_um2 }));
     }
     if let Some(s) = &table.square {
         let (powers, resonances) = (rows(&s.get_ref().powers), rows(&s.get_ref().resonances));
-        if powers.is_empty() && resonances.is_empty() {
-            return Err(FileError::at(text, s.span(), "square", "there is neither a power nor a resonance"));
-        }
-        check_finite(
-            text,
-            s.span(),
-            "square",
-            powers.iter().flatten().chain(resonances.iter().flatten()).copied(),
-        )?;
+        let (at, has_terms) = (At::of(text, s, "square"), !(powers.is_empty() && resonances.is_empty()));
+        at.check(has_terms, "there is neither a power nor a resonance")?;
+        at.check_finite(powers.iter().flatten().chain(resonances.iter().flatten()).copied())?;
         formulas.push(("square", s.span(), Dispersion::Square { powers, resonances }));
     }
     if let Some(p) = &table.powers {
         let powers = rows(p.get_ref());
-        if powers.is_empty() {
-            return Err(FileError::at(text, p.span(), "powers", "there is no power"));
-        }
-        check_finite(text, p.span(), "powers", powers.iter().flatten().copied())?;
+        let at = At::of(text, p, "powers");
+        at.check(!powers.is_empty(), "there is no power")?;
+        at.check_finite(powers.iter().flatten().copied())?;
         formulas.push(("powers", p.span(), Dispersion::Powers(powers)));
     }
     if let Some(g) = &table.gas {
         let (a, terms) = (g.get_ref().a.0, rows(&g.get_ref().terms));
-        check_finite(text, g.span(), "gas", terms.iter().flatten().copied().chain([a]))?;
+        At::of(text, g, "gas").check_finite(terms.iter().flatten().copied().chain([a]))?;
         formulas.push(("gas", g.span(), Dispersion::Gas { a, terms }));
     }
-    if let Some(a) = coefficients(text, "schott", &table.schott)? {
-        formulas.push(("schott", a.0, Dispersion::Schott(a.1)));
-    }
-    if let Some(a) = coefficients(text, "herzberger", &table.herzberger)? {
-        formulas.push(("herzberger", a.0, Dispersion::Herzberger(a.1)));
-    }
-    if let Some(a) = coefficients(text, "lorentz_lorenz", &table.lorentz_lorenz)? {
-        formulas.push(("lorentz_lorenz", a.0, Dispersion::LorentzLorenz(a.1)));
-    }
-    if let Some(a) = coefficients(text, "exotic", &table.exotic)? {
-        formulas.push(("exotic", a.0, Dispersion::Exotic(a.1)));
-    }
+    formulas.extend(coefficients(text, "schott", &table.schott, Dispersion::Schott)?);
+    formulas.extend(coefficients(text, "herzberger", &table.herzberger, Dispersion::Herzberger)?);
+    formulas.extend(coefficients(text, "lorentz_lorenz", &table.lorentz_lorenz, Dispersion::LorentzLorenz)?);
+    formulas.extend(coefficients(text, "exotic", &table.exotic, Dispersion::Exotic)?);
     if let Some(t) = &table.table {
         let (wavelength_um, index) = (plain(&t.get_ref().wavelength_um), plain(&t.get_ref().index));
-        check_pair(text, t.span(), "table", &wavelength_um, &index)?;
-        check_ascending(text, t.span(), "table", &wavelength_um)?;
+        let at = At::of(text, t, "table");
+        at.check_pair(&wavelength_um, &index)?;
+        at.check_ascending(&wavelength_um)?;
         formulas.push(("table", t.span(), Dispersion::Table { wavelength_um, index }));
     }
     if let Some((key, span, _)) = formulas.get(1) {
@@ -195,35 +216,27 @@ fn read_absorption(text: &str, table: &GlassText) -> Result<Option<Absorption>, 
         return Err(FileError::at(text, extinction.span(), "extinction", message).hint("keep one of the two"));
     }
     if let Some(placed) = &table.transmission {
-        let (t, span) = (placed.get_ref(), placed.span());
+        let (t, at) = (placed.get_ref(), At::of(text, placed, "transmission"));
         let (um, transmittance) = (plain(&t.wavelength_um), plain(&t.transmittance));
         let thickness_mm = match &t.thickness_mm {
             Thickness::All(mm) => vec![mm.0; um.len()],
             Thickness::Each(mm) => plain(mm),
         };
-        check_pair(text, span.clone(), "transmission", &um, &transmittance)?;
-        check_pair(text, span.clone(), "transmission", &um, &thickness_mm)?;
-        check_ascending(text, span.clone(), "transmission", &um)?;
-        if transmittance.iter().any(|t| !(0.0..=1.0).contains(t)) || thickness_mm.iter().any(|mm| *mm <= 0.0)
-        {
-            let message = "a transmittance is between 0 and 1, a thickness positive";
-            return Err(FileError::at(text, span, "transmission", message));
-        }
+        at.check_pair(&um, &transmittance)?;
+        at.check_pair(&um, &thickness_mm)?;
+        at.check_ascending(&um)?;
+        let is_possible = transmittance.iter().all(|t| (0.0..=1.0).contains(t));
+        let is_possible = is_possible && thickness_mm.iter().all(|mm| *mm > 0.0);
+        at.check(is_possible, "a transmittance is between 0 and 1, a thickness positive")?;
         let rows = (0..um.len()).map(|i| [um[i], transmittance[i], thickness_mm[i]]);
         return Ok(Some(Absorption::Transmittance(rows.collect())));
     }
     let Some(placed) = &table.extinction else { return Ok(None) };
     let (um, k) = (plain(&placed.get_ref().wavelength_um), plain(&placed.get_ref().k));
-    check_pair(text, placed.span(), "extinction", &um, &k)?;
-    check_ascending(text, placed.span(), "extinction", &um)?;
-    if k.iter().any(|k| *k < 0.0) {
-        return Err(FileError::at(
-            text,
-            placed.span(),
-            "extinction",
-            "an extinction coefficient is at least 0",
-        ));
-    }
+    let at = At::of(text, placed, "extinction");
+    at.check_pair(&um, &k)?;
+    at.check_ascending(&um)?;
+    at.check(k.iter().all(|k| *k >= 0.0), "an extinction coefficient is at least 0")?;
     Ok(Some(Absorption::Extinction(um.into_iter().zip(k).map(|(um, k)| [um, k]).collect())))
 }
 
@@ -243,72 +256,32 @@ fn rows<const N: usize>(numbers: &[[Number; N]]) -> Vec<[f64; N]> {
     numbers.iter().map(|row| row.map(|n| n.0)).collect()
 }
 
-/// Numbers, and their place in the file.
-type PlacedNumbers<const N: usize> = (Range<usize>, [f64; N]);
+/// A formula: its key, its place in the file, and what it is.
+type Formula<'k> = (&'k str, Range<usize>, Dispersion);
 
-/// The coefficients of a formula with a fixed number of them.
-fn coefficients<const N: usize>(
+/// A formula with a fixed number of coefficients.
+fn coefficients<'k, const N: usize>(
     text: &str,
-    key: &str,
+    key: &'k str,
     numbers: &Option<Spanned<[Number; N]>>,
-) -> Result<Option<PlacedNumbers<N>>, FileError> {
+    formula: fn([f64; N]) -> Dispersion,
+) -> Result<Option<Formula<'k>>, FileError> {
     let Some(numbers) = numbers else { return Ok(None) };
     let a = numbers.get_ref().map(|n| n.0);
-    check_finite(text, numbers.span(), key, a.into_iter())?;
-    Ok(Some((numbers.span(), a)))
-}
-
-/// Checks that two lists have the same length, are not empty, and are finite.
-fn check_pair(
-    text: &str,
-    span: Range<usize>,
-    key: &str,
-    left: &[f64],
-    right: &[f64],
-) -> Result<(), FileError> {
-    if left.len() != right.len() || left.is_empty() {
-        let message = format!("lists of {} and {} numbers do not belong together", left.len(), right.len());
-        return Err(FileError::at(text, span, key, message));
-    }
-    check_finite(text, span, key, left.iter().chain(right).copied())
-}
-
-fn check_finite(
-    text: &str,
-    span: Range<usize>,
-    key: &str,
-    mut numbers: impl Iterator<Item = f64>,
-) -> Result<(), FileError> {
-    if numbers.all(f64::is_finite) {
-        Ok(())
-    } else {
-        Err(FileError::at(text, span, key, "a number is not finite"))
-    }
-}
-
-fn check_ascending(text: &str, span: Range<usize>, key: &str, um: &[f64]) -> Result<(), FileError> {
-    if um.windows(2).any(|w| w[0] >= w[1]) || um.iter().any(|w| *w <= 0.0) {
-        return Err(FileError::at(text, span, key, "the wavelengths do not ascend"));
-    }
-    Ok(())
+    At::of(text, numbers, key).check_finite(a.into_iter())?;
+    Ok(Some((key, numbers.span(), formula(a))))
 }
 
 fn check_nd(text: &str, nd: &Placed) -> Result<f64, FileError> {
     let value = nd.get_ref().0;
-    if value > 1.0 && value.is_finite() {
-        Ok(value)
-    } else {
-        Err(FileError::at(text, nd.span(), "nd", "an index is a finite number above 1"))
-    }
+    let is_index = value > 1.0 && value.is_finite();
+    At::of(text, nd, "nd").check(is_index, "an index is a finite number above 1").map(|()| value)
 }
 
 fn check_vd(text: &str, vd: &Placed) -> Result<f64, FileError> {
     let value = vd.get_ref().0;
-    if value > 0.0 && value.is_finite() {
-        Ok(value)
-    } else {
-        Err(FileError::at(text, vd.span(), "vd", "an Abbe number is finite and positive"))
-    }
+    let is_abbe = value > 0.0 && value.is_finite();
+    At::of(text, vd, "vd").check(is_abbe, "an Abbe number is finite and positive").map(|()| value)
 }
 
 fn not_negative(text: &str, key: &str, number: &Option<Placed>) -> Result<Option<f64>, FileError> {

@@ -117,11 +117,8 @@ pub fn parse_external_isp(text: &str) -> Result<ExternalIspFile, FileError> {
         return wrong(&["parallel"], "must lie between 1 and 1024", "1 develops one frame after the other");
     }
     if keys.parameter.is_empty() {
-        return wrong(
-            &["parameter"],
-            "the ISP has no parameters",
-            "describe each below a line [[parameter]]",
-        );
+        let hint = "describe each below a line [[parameter]]";
+        return wrong(&["parameter"], "the ISP has no parameters", hint);
     }
     let mut names = BTreeSet::new();
     let mut parameters = Vec::new();
@@ -129,11 +126,8 @@ pub fn parse_external_isp(text: &str) -> Result<ExternalIspFile, FileError> {
         let place = i.to_string();
         let wrong = |key: &str, message: &str, hint: &str| wrong(&["parameter", &place, key], message, hint);
         if !is_name(&p.name) {
-            return wrong(
-                "name",
-                "is not stage.key",
-                "two names of letters, digits, `_` and `-`: \"tone.gamma\"",
-            );
+            let message = "is not stage.key";
+            return wrong("name", message, "two names of letters, digits, `_` and `-`: \"tone.gamma\"");
         }
         if !names.insert(p.name.clone()) {
             return wrong("name", "an earlier parameter has this name", "give each its own");

@@ -36,10 +36,8 @@ pub fn parse_isp_preset(text: &str) -> Result<IspPreset, FileError> {
                 let distance =
                     |p: &&petzval_camera::isp::IspParameter| strsim::damerau_levenshtein(&p.name, name);
                 let near = parameters.iter().min_by_key(distance).map_or("", |p| &p.name);
-                return wrong(
-                    "the ISP has no such parameter".to_owned(),
-                    &format!("did you mean \"{near}\"?"),
-                );
+                let hint = format!("did you mean \"{near}\"?");
+                return wrong("the ISP has no such parameter".to_owned(), &hint);
             };
             let about = &parameter.about;
             if !(about.min..=about.max).contains(value) {

@@ -115,12 +115,8 @@ pub(super) fn key_path(name: &str) -> (&str, &str) {
 
 /// Keys of a stage, each once, in their order.
 fn keys_of<'a>(parameters: &'a [IspParameter], stage: &str) -> Vec<&'a str> {
-    let mut keys: Vec<&str> = parameters
-        .iter()
-        .map(|p| split(&p.name))
-        .filter(|(s, ..)| *s == stage)
-        .map(|(_, key, _)| key)
-        .collect();
+    let names = parameters.iter().map(|p| split(&p.name));
+    let mut keys: Vec<&str> = names.filter(|(s, ..)| *s == stage).map(|(_, key, _)| key).collect();
     keys.dedup();
     keys
 }

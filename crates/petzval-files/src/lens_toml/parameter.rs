@@ -42,18 +42,12 @@ pub(super) fn parameters(surface: &Surface) -> Vec<(String, Number)> {
         all.push(("thin_lens.power_per_mm".into(), Number::Power));
     }
     if surface.placement.is_some() {
-        all.extend(
-            ["decenter_x_mm", "decenter_y_mm"]
-                .into_iter()
-                .enumerate()
-                .map(|(k, name)| (name.into(), Number::Decenter(k))),
-        );
-        all.extend(
-            ["tilt_x_deg", "tilt_y_deg", "tilt_z_deg"]
-                .into_iter()
-                .enumerate()
-                .map(|(k, name)| (name.into(), Number::Tilt(k))),
-        );
+        for (k, axis) in ["x", "y"].into_iter().enumerate() {
+            all.push((format!("decenter_{axis}_mm"), Number::Decenter(k)));
+        }
+        for (k, axis) in ["x", "y", "z"].into_iter().enumerate() {
+            all.push((format!("tilt_{axis}_deg"), Number::Tilt(k)));
+        }
     }
     all
 }

@@ -129,9 +129,8 @@ impl Reader<'_> {
         });
         let Some((first, _)) = stops.next() else {
             let start = surfaces.first().map_or(0..0, |s| s.span());
-            return Err(self
-                .missing("stop", start, "no surface is the aperture stop")
-                .hint("write `stop = true` into one [[surface]]"));
+            let error = self.missing("stop", start, "no surface is the aperture stop");
+            return Err(error.hint("write `stop = true` into one [[surface]]"));
         };
         match stops.next() {
             None => Ok(first),
@@ -222,13 +221,9 @@ impl Reader<'_> {
                 return Err(self.error("angle_deg", number.span(), message));
             }
             if value < 0.0 && lens_is_symmetric {
-                return Err(self
-                    .error(
-                        "angle_deg",
-                        number.span(),
-                        format!("a field is an angle from 0 to below {limit} degrees"),
-                    )
-                    .hint("the lens is symmetric: a negative field is the mirror image"));
+                let message = format!("a field is an angle from 0 to below {limit} degrees");
+                let error = self.error("angle_deg", number.span(), message);
+                return Err(error.hint("the lens is symmetric: a negative field is the mirror image"));
             }
             list.push(value);
         }
@@ -242,9 +237,8 @@ impl Reader<'_> {
         }
         for pair in list.get_ref().windows(2) {
             if pair[0].get_ref().0 >= pair[1].get_ref().0 {
-                return Err(self
-                    .error(key, pair[1].span(), "the list does not ascend")
-                    .hint("sort it, each value once"));
+                let error = self.error(key, pair[1].span(), "the list does not ascend");
+                return Err(error.hint("sort it, each value once"));
             }
         }
         Ok(())
@@ -354,9 +348,8 @@ impl Reader<'_> {
             let name = text.parameter.get_ref();
             let Some(variable) = variables.iter().position(is_named) else {
                 let message = format!("{name} of surface {} is not a variable", followed + 1);
-                return Err(self
-                    .error("follows", text.follows.span(), message)
-                    .hint("a pickup follows a number that a [[variable]] names"));
+                let error = self.error("follows", text.follows.span(), message);
+                return Err(error.hint("a pickup follows a number that a [[variable]] names"));
             };
             // The following surface must have a number of the same name: indices of different shapes do not correspond.
             if !parameters(&lens.surfaces[surface]).iter().any(|(known, _)| known == name) {
@@ -413,9 +406,8 @@ impl Reader<'_> {
         }
         if variables.iter().any(|v| (v.surface, v.number) == (surface, Number::Thickness)) {
             let message = format!("the thickness behind surface {} is a variable already", surface + 1);
-            return Err(self
-                .error("surface", text.surface.span(), message)
-                .hint("a thickness is either solved for or varied"));
+            let error = self.error("surface", text.surface.span(), message);
+            return Err(error.hint("a thickness is either solved for or varied"));
         }
         if let Err(defect) = validate(&with_length(lens, surface, length_mm)) {
             let message = format!("a length of {length_mm} mm makes this lens impossible: {defect}");
@@ -523,9 +515,8 @@ impl Reader<'_> {
         }
         if variables.iter().any(|v| (v.surface, v.number) == (surface, Number::Curvature)) {
             let message = format!("the radius of surface {} is a variable already", surface + 1);
-            return Err(self
-                .error("surface", number.span(), message)
-                .hint("a radius is either solved for or varied"));
+            let error = self.error("surface", number.span(), message);
+            return Err(error.hint("a radius is either solved for or varied"));
         }
         Ok(surface)
     }
@@ -543,9 +534,8 @@ impl Reader<'_> {
         // Allow for rounding: a radius is computed back from its curvature.
         if !(min < max && radius >= min - 1e-9 && radius <= max + 1e-9) {
             let message = format!("radius {radius} of this lens is not between {min} and {max}");
-            return Err(self
-                .error("radius_mm", bounds.span(), message)
-                .hint("write [min, max] around the lens's own radius"));
+            let error = self.error("radius_mm", bounds.span(), message);
+            return Err(error.hint("write [min, max] around the lens's own radius"));
         }
         Ok(Some([min, max]))
     }

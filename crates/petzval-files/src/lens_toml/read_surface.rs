@@ -100,9 +100,8 @@ impl Reader<'_> {
                 }
                 if value == 0.0 {
                     let message = format!("surface {number}: a surface cannot have the {what} 0");
-                    return Err(self
-                        .error(reciprocal_key, radius.span(), message)
-                        .hint(format!("{none} is `{reciprocal_key} = inf`")));
+                    let error = self.error(reciprocal_key, radius.span(), message);
+                    return Err(error.hint(format!("{none} is `{reciprocal_key} = inf`")));
                 }
                 Ok(Some(1.0 / value))
             }
@@ -212,9 +211,8 @@ impl Reader<'_> {
         let Some(curvature_x) = self.reciprocal(number, keys, &text.radius_x_mm, &text.curvature_x_per_mm)?
         else {
             let message = format!("surface {number}: the x-z section has no radius");
-            return Err(self
-                .missing("radius_x_mm", placed.span(), message)
-                .hint("a straight section is `radius_x_mm = inf`"));
+            let error = self.missing("radius_x_mm", placed.span(), message);
+            return Err(error.hint("a straight section is `radius_x_mm = inf`"));
         };
         if key == "biconic" {
             let conic_x = text.conic_x.as_ref().map_or(Ok(0.0), |k| self.finite("conic_x", k))?;
@@ -234,8 +232,7 @@ impl Reader<'_> {
             None if mirror => Ok(Action::Reflect),
             None => Ok(Action::Refract),
             Some(text) if mirror => {
-                let message = format!("surface {number} is a mirror already");
-                Err(self.error("thin_lens", text.span(), message))
+                Err(self.error("thin_lens", text.span(), format!("surface {number} is a mirror already")))
             }
             Some(placed) => {
                 let text = placed.get_ref();
@@ -256,8 +253,7 @@ impl Reader<'_> {
         match (&surface.grating, &surface.binary) {
             (None, None) => Ok(None),
             (Some(_), Some(binary)) => {
-                let message = format!("surface {number} is a grating already");
-                Err(self.error("binary", binary.span(), message))
+                Err(self.error("binary", binary.span(), format!("surface {number} is a grating already")))
             }
             (Some(text), None) => {
                 let text = text.get_ref();
@@ -286,9 +282,8 @@ impl Reader<'_> {
             (None, Some(list)) => self.exact_list::<3>("tilt_rad", list)?,
             (None, None) => [0.0; 3],
             (Some(_), Some(list)) => {
-                return Err(self
-                    .error("tilt_rad", list.span(), "the tilt is already given in degrees")
-                    .hint("keep one of the two"));
+                let error = self.error("tilt_rad", list.span(), "the tilt is already given in degrees");
+                return Err(error.hint("keep one of the two"));
             }
         };
         let axis = match text.axis.as_ref().map(|axis| (axis.get_ref().as_str(), axis.span())) {

@@ -6,7 +6,7 @@ use petzval_optics::glass::Catalog;
 use super::object::Object;
 use super::surface::RawSurface;
 use super::system::{aperture, fields, wavelengths};
-use crate::draft::{Draft, Import, Item, MOST_BYTES, MOST_SURFACES};
+use crate::draft::{Draft, Import, Item, MOST_SURFACES, check_size};
 use crate::loss::{Effect, Losses};
 use crate::yaml;
 
@@ -32,10 +32,7 @@ pub fn parse_optiland(text: &str, catalog: &Catalog) -> Result<Import, FileError
 
 /// Reads a lens file to start an optimisation from: [`Import::unbuildable`] says whether its glass is too thin or its surfaces cross.
 pub fn parse_optiland_start(text: &str, catalog: &Catalog) -> Result<Import, FileError> {
-    if text.len() > MOST_BYTES {
-        let message = format!("a lens file of more than {} MB is not read", MOST_BYTES >> 20);
-        return Err(FileError::at_line(0, "", message));
-    }
+    check_size(text)?;
     if !text.trim_start().starts_with('{') {
         let error = FileError::at_line(1, text, "a lens in JSON begins with a brace");
         return Err(error.hint("the file that Optiland's save_optiland_file writes is read"));

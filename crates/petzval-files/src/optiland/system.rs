@@ -68,7 +68,7 @@ pub(super) fn fields(root: &Object<'_>, losses: &mut Losses) -> Result<Fields, F
         points.push(point);
     }
     if points.is_empty() {
-        losses.add(0, "", Effect::Assumed, "the file gives no fields; the axis is the only one");
+        losses.assume("the file gives no fields; the axis is the only one");
         points.push([0.0; 2]);
     }
     Ok(Fields { kind, points, record: group.record("fields"), telecentric })
@@ -88,13 +88,11 @@ fn telecentric(object: &Object<'_>) -> Result<Option<Record>, FileError> {
 pub(super) fn wavelengths(root: &Object<'_>, losses: &mut Losses) -> Result<(Wavelengths, usize), FileError> {
     let group = root.needed_object("wavelengths")?;
     if group.has("polarization") && group.text("polarization").ok().flatten() != Some("ignore") {
-        let message = "polarisation is not traced";
-        losses.add(group.line("polarization"), "polarization", Effect::NoRay, message);
+        losses.add(group.line("polarization"), "polarization", Effect::NoRay, "polarisation is not traced");
     }
     let listed = group.list("wavelengths")?;
     if listed.is_empty() || listed.len() > MOST_VALUES {
-        let message = format!("a lens has 1 to {MOST_VALUES} wavelengths");
-        return Err(group.error("wavelengths", message));
+        return Err(group.error("wavelengths", format!("a lens has 1 to {MOST_VALUES} wavelengths")));
     }
     let (mut list, mut primary) = (Vec::new(), 0);
     for (i, node) in listed.iter().enumerate() {

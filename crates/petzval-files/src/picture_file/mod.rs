@@ -97,12 +97,8 @@ pub fn load_image_bytes(bytes: &[u8], name: &str) -> Result<Picture, ImageError>
     let plane = height * width;
     if let Some(at) = picture.light.data.iter().position(|v| !v.is_finite()) {
         let (row, column) = (at % plane / width, at % width);
-        return Err(ImageError::NotFinite {
-            name: name.to_owned(),
-            value: picture.light.data[at],
-            row,
-            column,
-        });
+        let (name, value) = (name.to_owned(), picture.light.data[at]);
+        return Err(ImageError::NotFinite { name, value, row, column });
     }
     let below = picture.light.data.iter().filter(|v| **v < 0.0).count();
     if below > 0 {

@@ -53,8 +53,7 @@ pub(crate) fn head_of<R: BufRead + Seek>(
             source.seek(SeekFrom::Start(0)).map_err(system)?;
             let is_old = source.fill_buf().map_err(system)?.starts_with(OLD_HDR);
             if format.is_none() && !is_old {
-                let reason = "it is of no format that is read".to_owned();
-                return Err(decode(reason));
+                return Err(decode("it is of no format that is read".to_owned()));
             }
             let mut decoder = HdrDecoder::with_strictness(source, !is_old).map_err(undecodable)?;
             Ok(PictureHead::of(&mut decoder, Some(ImageFormat::Hdr), file_bytes))

@@ -23,11 +23,10 @@ pub(super) fn pictures_of(list: &Path) -> Result<Vec<StoredPicture>, PictureSetE
         PictureSetError::Line { path: list.to_owned(), line, value, problem: "is not UTF-8 text" }
     })?;
     let folder = list.parent().unwrap_or(Path::new(""));
-    let lines: Vec<(usize, &str)> = (1..)
-        .zip(text.trim_start_matches('\u{feff}').lines())
-        .map(|(number, line)| (number, line.trim()))
-        .filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
-        .collect();
+    let lines =
+        (1..).zip(text.trim_start_matches('\u{feff}').lines()).map(|(number, line)| (number, line.trim()));
+    let lines: Vec<(usize, &str)> =
+        lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#')).collect();
     let picture = |(line, name): &(usize, &str)| {
         let path = folder.join(name);
         if path.is_file() {

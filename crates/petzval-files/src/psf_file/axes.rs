@@ -226,11 +226,8 @@ impl PsfAxes {
         json.end().map_err(|error| json_error(text, "", &error))?;
         let wrong = |key: &str, message: String, hint: &str| Err(at_key(text, key, message).hint(hint));
         if !axes.format.is_empty() && axes.format != FORMAT {
-            return wrong(
-                "format",
-                format!("\"{}\" is another format", axes.format),
-                "write \"petzval-psfs\"",
-            );
+            let message = format!("\"{}\" is another format", axes.format);
+            return wrong("format", message, "write \"petzval-psfs\"");
         }
         if axes.version > VERSION {
             let message = format!("version {} is younger than this program", axes.version);
@@ -247,11 +244,8 @@ impl PsfAxes {
         let names = [Some(&axes.values_file), axes.illumination_file.as_ref()];
         for (key, name) in ["values_file", "illumination_file"].iter().zip(names) {
             if name.is_some_and(|name| name.is_empty() || name.contains(['/', '\\'])) {
-                return wrong(
-                    key,
-                    "not the name of a file".to_owned(),
-                    "name a file in the folder of this one",
-                );
+                let hint = "name a file in the folder of this one";
+                return wrong(key, "not the name of a file".to_owned(), hint);
             }
         }
         Ok(axes)
@@ -274,8 +268,6 @@ pub(super) fn at_key(text: &str, key: &str, message: String) -> FileError {
     let quoted = format!("\"{key}\"");
     match text.find(&quoted) {
         Some(start) => FileError::at(text, start..start + quoted.len(), key, message).without_value(),
-        None => {
-            FileError { line: None, column: None, key: key.into(), value: String::new(), message, hint: None }
-        }
+        None => FileError { key: key.into(), ..FileError::at_line(0, "", message) },
     }
 }

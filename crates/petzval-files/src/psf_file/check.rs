@@ -37,8 +37,7 @@ impl PsfFault {
     /// The fault as an error of the file of axes, at a key without a line.
     pub fn in_file(self) -> FileError {
         let Self { key, value, message, hint } = self;
-        let (line, column) = (None, None);
-        FileError { line, column, key: key.to_owned(), value, message, hint: Some(hint.to_owned()) }
+        FileError { key: key.to_owned(), value, ..FileError::at_line(0, "", message).hint(hint) }
     }
 }
 
@@ -118,20 +117,12 @@ impl PsfFile {
         let count = self.shape.iter().try_fold(1_usize, |n, side| n.checked_mul(*side));
         if count.is_none_or(|n| n == 0 || n > MOST_VALUES || n != self.values.len()) {
             let message = format!("{} numbers of shape {shape}", self.values.len());
-            return Err(fault(
-                "values",
-                shape,
-                message,
-                "[field, wavelength, row, column], at most 2^28 numbers",
-            ));
+            let hint = "[field, wavelength, row, column], at most 2^28 numbers";
+            return Err(fault("values", shape, message, hint));
         }
         if rows != columns {
-            return Err(fault(
-                "values",
-                shape,
-                "not as many rows as columns",
-                "PSFs are square: pad them with zeros",
-            ));
+            let hint = "PSFs are square: pad them with zeros";
+            return Err(fault("values", shape, "not as many rows as columns", hint));
         }
         if self.illumination.len() != fields * colours {
             let message =
@@ -161,12 +152,8 @@ impl PsfFile {
             }
         }
         if axes.captured.iter().any(|of_field| of_field.len() != colours) {
-            return Err(fault(
-                "captured",
-                "",
-                "a field has another number of wavelengths",
-                "one for each wavelength",
-            ));
+            let message = "a field has another number of wavelengths";
+            return Err(fault("captured", "", message, "one for each wavelength"));
         }
         Ok(())
     }
@@ -192,12 +179,8 @@ impl PsfFile {
         }
         if axes.image_scale_mm.is_some_and(|mm| !(mm.is_finite() && mm > 0.0)) {
             let value = axes.image_scale_mm.unwrap_or_default();
-            return Err(fault(
-                "image_scale_mm",
-                value,
-                "not positive",
-                "the focal length of a far object, in mm",
-            ));
+            let hint = "the focal length of a far object, in mm";
+            return Err(fault("image_scale_mm", value, "not positive", hint));
         }
         if let Some(wrong) = axes.wavelengths_um.iter().find(|um| !OPTICAL_UM.contains(*um)) {
             return Err(fault("wavelengths_um", wrong, "no wavelength", "in um: 550 nm is 0.55"));

@@ -27,21 +27,13 @@ impl PsfFile {
         let axes = &self.axes;
         if !axes.rotationally_symmetric {
             let message = "cameras turn the PSFs of one azimuth about the axis, and so cannot take these";
-            return Err(fault(
-                "rotationally_symmetric",
-                false,
-                message,
-                "take PSFs of a rotationally symmetric lens",
-            ));
+            let hint = "take PSFs of a rotationally symmetric lens";
+            return Err(fault("rotationally_symmetric", false, message, hint));
         }
         if let Some(below) = axes.chief_ray_y_mm.iter().find(|mm| **mm < -ON_AXIS_MM) {
             let message = "a field below the axis: its rows run towards the axis";
-            return Err(fault(
-                "chief_ray_y_mm",
-                below,
-                message,
-                "take the field on the other side of the axis",
-            ));
+            let hint = "take the field on the other side of the axis";
+            return Err(fault("chief_ray_y_mm", below, message, hint));
         }
         let (order, field_radius_mm) = self.fields_outwards();
         if let Some(first) = field_radius_mm.first().filter(|mm| **mm > 0.0) {
@@ -49,12 +41,8 @@ impl PsfFile {
             return Err(fault("field_radius_mm", first, message, "add the PSFs of the axis"));
         }
         if let Some(pair) = field_radius_mm.windows(2).find(|pair| pair[0] == pair[1]) {
-            return Err(fault(
-                "field_radius_mm",
-                pair[1],
-                "two fields have this radius",
-                "leave one of them out",
-            ));
+            let message = "two fields have this radius";
+            return Err(fault("field_radius_mm", pair[1], message, "leave one of them out"));
         }
         let colours = self.colours()?;
         let [_, wavelengths, rows, columns] = self.shape;
@@ -85,12 +73,8 @@ impl PsfFile {
         };
         if let Some(wide) = axes.field_deg.iter().find(|deg| deg.abs() > WIDEST_PICTURE_DEG) {
             let message = "a rectilinear picture of a scene ends before 90 degrees";
-            return Err(fault(
-                "field_deg",
-                wide,
-                message,
-                "leave distortion out, so that the picture lies on the image as it is",
-            ));
+            let hint = "leave distortion out, so that the picture lies on the image as it is";
+            return Err(fault("field_deg", wide, message, hint));
         }
         let (order, image_mm) = self.fields_outwards();
         if image_mm.len() < 2 {
@@ -133,12 +117,8 @@ impl PsfFile {
             CHANNELS => Ok([0, 1, 2]),
             other => {
                 let message = format!("{other} wavelengths, and a camera has three colours");
-                Err(fault(
-                    "values",
-                    format!("{:?}", self.shape),
-                    message,
-                    "take one wavelength or three, or name three `channels`",
-                ))
+                let hint = "take one wavelength or three, or name three `channels`";
+                Err(fault("values", format!("{:?}", self.shape), message, hint))
             }
         }
     }

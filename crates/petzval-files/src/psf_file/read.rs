@@ -67,8 +67,7 @@ fn bank(axes: PsfAxes, text: &str, values: &[u8], illumination: Option<&[u8]>) -
     let FloatArray { shape, values, precision } =
         read_floats(values, MOST_VALUES).map_err(|reason| WrongPart::Values(message(reason, NUMPY_HINT)))?;
     let shape = <[usize; 4]>::try_from(shape).map_err(|shape| {
-        let reason = format!("an array of {} axes, shape {shape:?}", shape.len());
-        WrongPart::Values(message(reason, NUMPY_HINT))
+        WrongPart::Values(message(format!("an array of {} axes, shape {shape:?}", shape.len()), NUMPY_HINT))
     })?;
     let illumination = match illumination {
         None => vec![1.0; shape[0] * shape[1]],

@@ -18,14 +18,7 @@ pub enum WrongPart {
 
 /// An error without a place.
 pub(super) fn message(message: impl Into<String>, hint: &str) -> FileError {
-    FileError {
-        line: None,
-        column: None,
-        key: String::new(),
-        value: String::new(),
-        message: message.into(),
-        hint: Some(hint.to_owned()),
-    }
+    FileError::at_line(0, "", message).hint(hint)
 }
 
 /// A fault as the error of the file that has it.

@@ -152,11 +152,8 @@ pub fn load_raw_page(path: &Path, page: usize) -> Result<RawFrame, RawFileError>
     let places = pages::pages(open()?).map_err(content)?;
     let Some(place) = places.get(page) else {
         let reason = format!("the file has {} pages, and page {} was requested", places.len(), page + 1);
-        return Err(RawFileError::content(
-            path,
-            reason,
-            "has the file changed since its pages were counted?",
-        ));
+        let hint = "has the file changed since its pages were counted?";
+        return Err(RawFileError::content(path, reason, hint));
     };
     let frame = pages::decode_page(open()?, *place).map_err(content)?;
     measurable(path, with_sidecar(path, Sidecar::beside(path)?.as_ref(), frame)?)
@@ -206,11 +203,8 @@ fn encode(frame: &RawFrame, path: &Path, format: RawFormat) -> Result<(Vec<u8>, 
                 .map_err(|error| RawFileError::content(path, error.to_string(), fits))?
         }
         RawFormat::Dng => {
-            return Err(RawFileError::content(
-                path,
-                "DNG files are read, not written".to_owned(),
-                "write .tiff, .png, .npy or .raw",
-            ));
+            let hint = "write .tiff, .png, .npy or .raw";
+            return Err(RawFileError::content(path, "DNG files are read, not written".to_owned(), hint));
         }
     };
     Ok((bytes, sidecar))

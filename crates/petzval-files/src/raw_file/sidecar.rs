@@ -167,12 +167,8 @@ impl Sidecar {
 
     /// The sidecar of a frame in a format that defines its own layout.
     pub fn of(frame: &RawFrame) -> Self {
-        Self {
-            height: Some(frame.height),
-            width: Some(frame.width),
-            info: frame.info.clone(),
-            ..Self::default()
-        }
+        let info = frame.info.clone();
+        Self { height: Some(frame.height), width: Some(frame.width), info, ..Self::default() }
     }
 
     /// The text of the file.
@@ -240,10 +236,8 @@ impl Sidecar {
             Some((row, col, dn)) => {
                 let message = format!("{} has the value {dn} at row {row}, column {col}", raw.display());
                 let error = FileError::at_key(&self.text, &["companding", "companded_dn"], message);
-                Err(RawFileError::sidecar(
-                    &self.path,
-                    error.hint("give knots up to the largest number that the camera sends"),
-                ))
+                let error = error.hint("give knots up to the largest number that the camera sends");
+                Err(RawFileError::sidecar(&self.path, error))
             }
         }
     }
@@ -266,11 +260,8 @@ impl Sidecar {
         }
         for (key, said, is) in [("height", self.height, frame.height), ("width", self.width, frame.width)] {
             if said.is_some_and(|said| said != is) {
-                return at(
-                    key,
-                    format!("{name} has the {key} {is}"),
-                    "is this the sidecar of another frame?",
-                );
+                let hint = "is this the sidecar of another frame?";
+                return at(key, format!("{name} has the {key} {is}"), hint);
             }
         }
         let frame = RawFrame { info: self.info.clone().or(frame.info), ..frame };

@@ -42,36 +42,28 @@ pub fn colour_statistics<T: Copy + Into<u32>>(frame: &RawFrame<T>) -> Vec<Colour
         (white, converter) => white.or(converter),
     };
     let of = |colour: Colour| {
-        let pixels = || {
+        let all = || {
             let is = move |(i, dn): (usize, &T)| {
                 (cfa.colour(i / frame.width, i % frame.width) == colour).then_some((*dn).into())
             };
             frame.dn.iter().enumerate().filter_map(is)
         };
         // Sums of whole numbers below 2^24 over at most 2^28 pixels are exact in 64 bits, those of their squares in 128.
-        let (mut count, mut sum, mut squares, mut at_zero, mut saturated) = (0u64, 0u64, 0u128, 0, 0);
+        let (mut pixels, mut sum, mut squares, mut at_zero, mut saturated) = (0u64, 0u64, 0u128, 0, 0);
         let (mut min_dn, mut max_dn) = (u32::MAX, 0);
-        for dn in pixels() {
+        for dn in all() {
             let value = u64::from(dn);
-            (count, sum, squares) = (count + 1, sum + value, squares + u128::from(value * value));
+            (pixels, sum, squares) = (pixels + 1, sum + value, squares + u128::from(value * value));
             (min_dn, max_dn) = (min_dn.min(dn), max_dn.max(dn));
             at_zero += u64::from(dn == 0);
             saturated += u64::from(white.is_some_and(|white| f64::from(dn) >= white));
         }
-        let mean_dn = sum as f64 / count as f64;
-        let spread = u128::from(count) * squares - u128::from(sum) * u128::from(sum);
-        let sd_dn = (spread as f64).sqrt() / count as f64;
+        let mean_dn = sum as f64 / pixels as f64;
+        let spread = u128::from(pixels) * squares - u128::from(sum) * u128::from(sum);
+        let sd_dn = (spread as f64).sqrt() / pixels as f64;
         let saturated = white.map(|_| saturated);
-        (count > 0).then_some(ColourStatistics {
-            colour,
-            pixels: count,
-            min_dn,
-            max_dn,
-            mean_dn,
-            sd_dn,
-            at_zero,
-            saturated,
-        })
+        let found = ColourStatistics { colour, pixels, min_dn, max_dn, mean_dn, sd_dn, at_zero, saturated };
+        (pixels > 0).then_some(found)
     };
     cfa.colours().into_iter().filter_map(of).collect()
 }

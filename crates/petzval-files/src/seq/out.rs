@@ -26,10 +26,8 @@ pub(super) struct Out<'a> {
 impl<'a> Out<'a> {
     /// Adds a line.
     pub fn line(&mut self, line: std::fmt::Arguments<'_>) {
-        self.text
-            .write_fmt(line)
-            .and_then(|()| self.text.write_char('\n'))
-            .expect("a string takes whatever is written");
+        let written = self.text.write_fmt(line).and_then(|()| self.text.write_char('\n'));
+        written.expect("a string takes whatever is written");
     }
 
     /// A radius or a curvature, by the mode of the file.
@@ -94,7 +92,7 @@ impl<'a> Out<'a> {
         }
         if matches!(glass.dispersion, Dispersion::NdVd { .. }) {
             let message = format!("{} keeps its nd and Vd and loses its name", glass.name);
-            self.losses.add(0, &format!("surface {}", surface + 1), Effect::NoRay, message);
+            self.losses.of_surface(surface + 1, Effect::NoRay, message);
         }
         self.known_name(glass).unwrap_or_default()
     }
@@ -118,7 +116,7 @@ impl<'a> Out<'a> {
             }
             if name != glass.name {
                 let message = format!("the glass {} is called {name}", glass.name);
-                self.losses.add(0, &format!("surface {}", i + 1), Effect::NoRay, message);
+                self.losses.of_surface(i + 1, Effect::NoRay, message);
             }
             match &glass.dispersion {
                 Dispersion::Schott(a) => {
@@ -132,7 +130,7 @@ impl<'a> Out<'a> {
                     let message = format!(
                         "between its wavelengths, programs compute the index of {name} in ways of their own"
                     );
-                    self.losses.add(0, &format!("surface {}", i + 1), Effect::Approximated, message);
+                    self.losses.of_surface(i + 1, Effect::Approximated, message);
                     let nm: Vec<String> = wavelength_um.iter().map(|um| shifted_text(*um, 3)).collect();
                     let index: Vec<String> = index.iter().map(|n| number(*n)).collect();
                     lines.push(format!("  PWL {}\n  '{name}' {}", nm.join(" "), index.join(" ")));

@@ -5,7 +5,7 @@ use super::glass::PrivateGlasses;
 use super::read_surface::{RawSurface, is_surface_command};
 use super::system::System;
 use crate::ForeignRecords;
-use crate::draft::{Aperture, Break, Draft, Import, Item, MOST_BYTES, MOST_SURFACES, Record};
+use crate::draft::{Aperture, Break, Draft, Import, Item, MOST_SURFACES, Record, check_size};
 use crate::loss::{Effect, Losses};
 use petzval_base::FileError;
 use petzval_optics::glass::Catalog;
@@ -18,51 +18,33 @@ const BOOKKEEPING: &[&str] = &[
 ];
 
 /// Commands whose effect on light is not traced.
-const REFUSED: &[(&str, &str)] = &[
-    ("DIF", "diffractive structures are not read: the sign of their orders is not known"),
-    ("GRT", "gratings are not read: the sign of their orders is not known"),
-    ("HOE", "holograms are not traced"),
-    ("XTO", "toroids whose section in x is turned are not traced"),
-    ("SPL", "splines are not traced"),
-    ("UDS", "user-defined surfaces are not traced"),
-    ("UDG", "gradient-index media are not traced"),
-    ("GRI", "gradient-index media are not traced"),
-    ("ARR", "arrays of surfaces are not traced"),
-    ("NSS", "non-sequential ranges are not traced"),
-    ("ENS", "non-sequential ranges are not traced"),
-    ("MOD", "lens modules are not traced"),
-    ("LMO", "lens modules are not traced"),
-    ("RET", "returns to an earlier surface are not read"),
-    ("GLB", "positions against an earlier surface are not read"),
-    ("FRZ", "Fresnel surfaces are not traced"),
-    ("HCO", HOLOGRAM),
-    ("HCT", HOLOGRAM),
-    ("HWL", HOLOGRAM),
-    ("HOR", HOLOGRAM),
-    ("HTO", HOLOGRAM),
-    ("HX1", HOLOGRAM),
-    ("HY1", HOLOGRAM),
-    ("HZ1", HOLOGRAM),
-    ("HX2", HOLOGRAM),
-    ("HY2", HOLOGRAM),
-    ("HZ2", HOLOGRAM),
-    ("HV1", HOLOGRAM),
-    ("HV2", HOLOGRAM),
-    ("ZRN", "Zernike surfaces are not traced"),
-    ("INT", "measured and computed deformations of surfaces are not traced"),
-    ("BIR", "birefringent media are not traced"),
-    ("RED", "a magnification from which the program finds the object is not read"),
-    ("SCA", EDIT),
-    ("DEL", EDIT),
-    ("INS", EDIT),
-    ("COP", EDIT),
-    ("FLP", EDIT),
-    ("INV", EDIT),
+const REFUSED: &[(&[&str], &str)] = &[
+    (&["DIF"], "diffractive structures are not read: the sign of their orders is not known"),
+    (&["GRT"], "gratings are not read: the sign of their orders is not known"),
+    (&["HOE"], "holograms are not traced"),
+    (&["XTO"], "toroids whose section in x is turned are not traced"),
+    (&["SPL"], "splines are not traced"),
+    (&["UDS"], "user-defined surfaces are not traced"),
+    (&["UDG", "GRI"], "gradient-index media are not traced"),
+    (&["ARR"], "arrays of surfaces are not traced"),
+    (&["NSS", "ENS"], "non-sequential ranges are not traced"),
+    (&["MOD", "LMO"], "lens modules are not traced"),
+    (&["RET"], "returns to an earlier surface are not read"),
+    (&["GLB"], "positions against an earlier surface are not read"),
+    (&["FRZ"], "Fresnel surfaces are not traced"),
+    (
+        &["HCO", "HCT", "HWL", "HOR", "HTO", "HX1", "HY1", "HZ1", "HX2", "HY2", "HZ2", "HV1", "HV2"],
+        "holograms are not traced",
+    ),
+    (&["ZRN"], "Zernike surfaces are not traced"),
+    (&["INT"], "measured and computed deformations of surfaces are not traced"),
+    (&["BIR"], "birefringent media are not traced"),
+    (&["RED"], "a magnification from which the program finds the object is not read"),
+    (
+        &["SCA", "DEL", "INS", "COP", "FLP", "INV"],
+        "commands that change the lens afterwards are not read; write the resulting lens",
+    ),
 ];
-
-const HOLOGRAM: &str = "holograms are not traced";
-
-const EDIT: &str = "commands that change the lens afterwards are not read; write the resulting lens";
 
 /// The commands that are not read into the lens.
 pub fn records() -> ForeignRecords {
@@ -70,7 +52,7 @@ pub fn records() -> ForeignRecords {
         ignored: BOOKKEEPING.to_vec(),
         lost: Vec::new(),
         solves: Vec::new(),
-        refused: REFUSED.to_vec(),
+        refused: REFUSED.iter().flat_map(|(names, why)| names.iter().map(|name| (*name, *why))).collect(),
     }
 }
 
@@ -84,10 +66,7 @@ pub fn parse_seq(text: &str, catalog: &Catalog) -> Result<Import, FileError> {
 
 /// Reads a lens file to start an optimisation from: [`Import::unbuildable`] says whether its glass is too thin or its surfaces cross.
 pub fn parse_seq_start(text: &str, catalog: &Catalog) -> Result<Import, FileError> {
-    if text.len() > MOST_BYTES {
-        let message = format!("a lens file of more than {} MB is not read", MOST_BYTES >> 20);
-        return Err(FileError::at_line(0, "", message));
-    }
+    check_size(text)?;
     let mut reader = Reader::default();
     for command in Commands::new(text) {
         reader.read(&command?)?;
@@ -115,7 +94,7 @@ struct Reader {
 
 impl Reader {
     fn lose(&mut self, record: &Record, effect: Effect, message: &str) {
-        self.losses.add(record.line, &record.text, effect, message);
+        record.lose(&mut self.losses, effect, message);
     }
 
     fn read(&mut self, command: &Command) -> Result<(), FileError> {
@@ -123,8 +102,7 @@ impl Reader {
             return self.private.read(command);
         }
         if command.quoted {
-            let message = "this is not a command: it is in quotes";
-            self.lose(&command.record, Effect::NotUnderstood, message);
+            self.lose(&command.record, Effect::NotUnderstood, "this is not a command: it is in quotes");
             return Ok(());
         }
         if self.is_surface(command) {
@@ -160,7 +138,7 @@ impl Reader {
                 raw.read(command, words, &mut self.losses)?;
             }
             name => {
-                if let Some((_, message)) = REFUSED.iter().find(|(refused, _)| *refused == name) {
+                if let Some((_, message)) = REFUSED.iter().find(|(refused, _)| refused.contains(&name)) {
                     return Err(command.error(*message));
                 }
                 self.lose(&command.record, Effect::NotUnderstood, "this command is not understood");
@@ -233,10 +211,10 @@ impl Reader {
                     "write a line `RDM` for radii, or `RDM N` for curvatures, before the first surface";
                 return Err(raw.record.error(message).hint(hint));
             }
-            self.losses.add(0, "", Effect::Assumed, "the file has no RDM; its surfaces have curvatures");
+            self.losses.assume("the file has no RDM; its surfaces have curvatures");
         }
         if self.system.mm == 0.0 {
-            self.losses.add(0, "", Effect::Assumed, "the file gives no unit; lengths are taken as mm");
+            self.losses.assume("the file gives no unit; lengths are taken as mm");
             self.system.mm = 1.0;
         }
         let mm = self.system.mm;
@@ -256,7 +234,7 @@ impl Reader {
             Some((surface, _)) if (1..count - 1).contains(surface) => *surface,
             Some((_, record)) => return Err(record.error("neither object nor image can be the stop")),
             None => {
-                self.losses.add(0, "", Effect::Assumed, "the file gives no stop; surface 1 is taken");
+                self.losses.assume("the file gives no stop; surface 1 is taken");
                 1
             }
         };
@@ -268,14 +246,14 @@ impl Reader {
         let mut stop = 0;
         let mut front = petzval_optics::glass::Glass::air();
         for raw in &self.surfaces[1..count - 1] {
-            if std::ptr::eq(raw, &self.surfaces[stop_surface]) {
+            let is_stop = std::ptr::eq(raw, &self.surfaces[stop_surface]);
+            if is_stop {
                 stop = items.len();
             }
-            let is_stop = std::ptr::eq(raw, &self.surfaces[stop_surface]);
             let made = raw.make(mm, radii, &front, &self.private, catalog)?;
             if let Some(said) = &made.substituted {
                 let at = &made.drafted.record;
-                self.losses.add(at.line, &at.text, Effect::Approximated, said);
+                at.lose(&mut self.losses, Effect::Approximated, said);
             }
             add_to_last(&mut items, &mut object_mm, made.along_mm);
             front = made.drafted.surface.glass.clone();
@@ -302,7 +280,7 @@ impl Reader {
         let at_paraxial_focus = self.paraxial_image.is_some() && stored_mm == 0.0;
         if let Some(record) = self.paraxial_image.as_ref().filter(|_| at_paraxial_focus) {
             let message = "no distance is stored; the image is at the paraxial focus";
-            self.losses.add(record.line, &record.text, Effect::Assumed, message);
+            record.lose(&mut self.losses, Effect::Assumed, message);
         }
         add_to_last(&mut items, &mut object_mm, image.thickness * mm);
 

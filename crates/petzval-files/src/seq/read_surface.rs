@@ -166,8 +166,7 @@ impl RawSurface {
         let name = command.name.as_str();
         let value = || only_number(command, words);
         let is_number = is_infinite(words) || words.first().is_some_and(|w| w.text.parse::<f64>().is_ok());
-        let mut lose =
-            |effect, message: &str| losses.add(command.record.line, &command.record.text, effect, message);
+        let mut lose = |effect, message: &str| command.record.lose(losses, effect, message);
         let place = |list: &[&str]| list.iter().position(|known| *known == name);
         if let Some(i) = place(&LETTERS) {
             self.even[i] = value()?;
@@ -314,7 +313,7 @@ impl RawSurface {
             return Ok(());
         }
         let mut lose = |message: &str| {
-            losses.add(command.record.line, &command.record.text, Effect::Approximated, message);
+            command.record.lose(losses, Effect::Approximated, message);
         };
         if says("OBS") || says("HOL") {
             lose("obscurations and holes are not kept: light passes there");
@@ -496,11 +495,9 @@ impl RawSurface {
                 Some(a) => *a = in_mm(*value, 2 * i + 4, mm),
                 None if *value == 0.0 => {}
                 None => {
-                    let message = format!(
-                        "the term {} of r^{} is not traced: powers up to 16 are",
-                        LETTERS[i],
-                        2 * i + 4
-                    );
+                    let (letter, power) = (LETTERS[i], 2 * i + 4);
+                    let message =
+                        format!("the term {letter} of r^{power} is not traced: powers up to 16 are");
                     return Err(record.error(message));
                 }
             }
@@ -515,8 +512,9 @@ impl RawSurface {
         if unround && *formula != Formula::Anamorphic {
             return Err(record.error("coefficients of an anamorphic asphere need AAS"));
         }
-        let unexpected =
-            |what: &str| Err(record.error(format!("{what} of this kind of surface are not read")));
+        if has_even && (special || *formula == Formula::Anamorphic) {
+            return Err(record.error("coefficients A, B, ... of this kind of surface are not read"));
+        }
         match formula {
             Formula::Asphere if self.curvature_x.is_some_and(|c| c != self.curvature(radii)) => {
                 return Err(record.error("a surface with another curvature in x must name its kind"));
@@ -534,25 +532,14 @@ impl RawSurface {
                 shape.departure = Departure::Toroid { curvature_x };
             }
             Formula::Anamorphic => {
-                if has_even {
-                    return unexpected("coefficients A, B, ...");
-                }
                 for (i, value) in self.round.iter().enumerate() {
                     shape.asphere[i + 1] = in_mm(*value, 2 * i + 4, mm);
                 }
                 let curvature_x = self.curvature_x.map_or(shape.curvature, |c| c / mm);
                 shape.departure = Departure::Biconic { curvature_x, conic_x: self.conic_x };
             }
-            Formula::Odd => {
-                if has_even {
-                    return unexpected("coefficients A, B, ...");
-                }
-                self.powers(&mut shape, mm)?;
-            }
+            Formula::Odd => self.powers(&mut shape, mm)?,
             Formula::Polynomial => {
-                if has_even {
-                    return unexpected("coefficients A, B, ...");
-                }
                 let mut coefficients = [0.0; XY_TERMS];
                 for (index, value) in &self.coefficients {
                     match coefficients.get_mut(index - 2) {

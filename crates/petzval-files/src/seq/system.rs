@@ -28,8 +28,7 @@ pub(super) struct System {
 impl System {
     /// Reads a command; `false` if it is not one of these.
     pub fn read(&mut self, command: &Command, losses: &mut Losses) -> Result<bool, FileError> {
-        let mut lose =
-            |effect, message: &str| losses.add(command.record.line, &command.record.text, effect, message);
+        let mut lose = |effect, message: &str| command.record.lose(losses, effect, message);
         match command.name.as_str() {
             "TIT" => self.title = command.word(0).unwrap_or("").trim().to_owned(),
             "DIM" => {
@@ -121,7 +120,7 @@ impl System {
     pub fn fields(&self, mm: f64, losses: &mut Losses) -> Fields {
         let telecentric = self.telecentric.clone();
         let Some((kind, record)) = self.field_kind.clone() else {
-            losses.add(0, "", Effect::Assumed, "the file gives no fields; the axis is the only one");
+            losses.assume("the file gives no fields; the axis is the only one");
             return Fields { points: vec![[0.0; 2]], telecentric, ..Fields::default() };
         };
         let scale = if kind == FieldKind::Angle { 1.0 } else { mm };
@@ -136,7 +135,7 @@ impl System {
         let (um, record) = match &self.wavelengths {
             Some((um, record)) if !um.is_empty() => (um.clone(), record.clone()),
             _ => {
-                losses.add(0, "", Effect::Assumed, "the file gives no wavelength; 587.6 nm is taken");
+                losses.assume("the file gives no wavelength; 587.6 nm is taken");
                 (vec![DEFAULT_UM], Record::default())
             }
         };
@@ -153,7 +152,7 @@ impl System {
                         "the file gives no reference wavelength; the middle one, {}, is taken",
                         middle + 1
                     );
-                    losses.add(0, "", Effect::Assumed, message);
+                    losses.assume(message);
                 }
                 middle
             }

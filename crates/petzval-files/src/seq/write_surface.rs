@@ -74,7 +74,7 @@ fn write_angles(out: &mut Out<'_>, index: usize, placed: &Placement) {
         let (deg, exact) = degrees(rad);
         if !exact {
             let message = "in degrees, a tilt changes in its last digit";
-            out.losses.add(0, &format!("surface {}", index + 1), Effect::Approximated, message);
+            out.losses.of_surface(index + 1, Effect::Approximated, message);
         }
         number(deg)
     };

@@ -19,22 +19,17 @@ pub fn read(bytes: &[u8], scale: Option<f64>) -> Result<SpectralImage, Wrong> {
     // Read the pixels, and find the first layer with channels named by wavelengths.
     let picture = read_layers(bytes)?;
     for layer in &picture.layer_data {
-        let mut bands: Vec<(f64, &FlatSamples)> = layer
-            .channel_data
-            .list
-            .iter()
-            .filter_map(|c| Some((wavelength_um(&c.name.to_string())?, &c.sample_data)))
-            .collect();
+        let channels = layer.channel_data.list.iter();
+        let mut bands: Vec<(f64, &FlatSamples)> =
+            channels.filter_map(|c| Some((wavelength_um(&c.name.to_string())?, &c.sample_data))).collect();
         if bands.is_empty() {
             continue;
         }
         bands.sort_by(|a, b| a.0.total_cmp(&b.0));
         let Vec2(width, height) = layer.size;
         if bands.iter().any(|(_, samples)| samples.len() != width * height) {
-            return Err((
-                "channels of different resolution".to_owned(),
-                "give every channel at full resolution",
-            ));
+            let hint = "give every channel at full resolution";
+            return Err(("channels of different resolution".to_owned(), hint));
         }
         let said = [&layer.attributes.other, &picture.attributes.other];
         if let (None, Some(unit)) = (scale, said.iter().find_map(|attributes| unit(attributes)))

@@ -89,7 +89,7 @@ impl Header {
                 let adjusts = line.number(2)?.unwrap_or(0.0) != 0.0;
                 if adjusts && given != STANDARD_AIR.map(Some) {
                     let message = "glass has its index at 20 degrees Celsius and 1 atmosphere";
-                    losses.add(line.number, line.text, Effect::Approximated, message);
+                    line.lose(losses, Effect::Approximated, message);
                 }
             }
             "FTYP" => self.read_field_type(line, losses)?,
@@ -118,7 +118,7 @@ impl Header {
             }
             "PWAV" => self.primary = Some((line.count(0)?, line.record())),
             known if HEADER_BOOKKEEPING.contains(&known) => {}
-            _ => losses.add(line.number, line.text, Effect::NotUnderstood, "this record is not understood"),
+            _ => line.lose(losses, Effect::NotUnderstood, "this record is not understood"),
         }
         Ok(())
     }
@@ -128,8 +128,7 @@ impl Header {
         let Some((name, _)) = known else { return Ok(()) };
         match self.said.iter().find(|(said, _)| said == name) {
             Some((_, earlier)) => {
-                let message = format!("line {earlier} already gives this");
-                Err(line.error(message).hint("keep one of the two"))
+                Err(line.error(format!("line {earlier} already gives this")).hint("keep one of the two"))
             }
             None => {
                 self.said.push((name, line.number));
@@ -190,7 +189,7 @@ impl Header {
         }
         if line.number(6)?.unwrap_or(0.0) != 0.0 {
             let message = "afocal image space: the image plane stays where the file places it";
-            losses.add(line.number, line.text, Effect::Approximated, message);
+            line.lose(losses, Effect::Approximated, message);
         }
         if self.fields_at.line == 0 {
             self.fields_at = line.record();
@@ -202,7 +201,7 @@ impl Header {
     pub fn fields(&self, mm: f64, losses: &mut Losses) -> Fields {
         let given = self.x.len().max(self.y.len());
         if given == 0 {
-            losses.add(0, "", Effect::Assumed, "the file gives no fields; the axis is the only one");
+            losses.assume("the file gives no fields; the axis is the only one");
         }
         let count = self.field_count.unwrap_or(given).min(given).max(1);
         let scale = if self.field_kind == FieldKind::Angle { 1.0 } else { mm };
@@ -210,13 +209,13 @@ impl Header {
         for (factors, record) in &self.vignetting {
             if factors.iter().take(count).any(|f| *f != 0.0) {
                 let message = "vignetting factors are not read: clear semi-diameters vignette the beam";
-                losses.add(record.line, &record.text, Effect::Approximated, message);
+                record.lose(losses, Effect::Approximated, message);
             }
         }
         if let Some((weights, record)) = &self.field_weights
             && weights.iter().take(count).collect::<Vec<_>>().windows(2).any(|w| w[0] != w[1])
         {
-            losses.add(record.line, &record.text, Effect::NoRay, "weights of fields are not kept");
+            record.lose(losses, Effect::NoRay, "weights of fields are not kept");
         }
         Fields {
             kind: self.field_kind,
@@ -246,7 +245,7 @@ impl Header {
             let message = format!(
                 "the file does not count its wavelengths; equal ones at the end are taken for filling, and {count} are used"
             );
-            losses.add(self.waves_at.line, &self.waves_at.text, Effect::Assumed, message);
+            self.waves_at.lose(losses, Effect::Assumed, message);
         }
         let listed: Option<Vec<(f64, f64)>> = self.waves[..count].iter().copied().collect();
         match listed.filter(|list| !list.is_empty()) {

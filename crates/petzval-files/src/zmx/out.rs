@@ -15,9 +15,7 @@ pub(super) struct Out<'a> {
 impl Out<'_> {
     /// Adds a line.
     pub fn line(&mut self, line: std::fmt::Arguments<'_>) {
-        self.text
-            .write_fmt(line)
-            .and_then(|()| self.text.write_char('\n'))
-            .expect("a string takes whatever is written");
+        let written = self.text.write_fmt(line).and_then(|()| self.text.write_char('\n'));
+        written.expect("a string takes whatever is written");
     }
 }

@@ -3,7 +3,7 @@
 use super::header::Header;
 use super::read_surface::{RawSurface, Shapes};
 use super::record::{Line, SOLVES, SURFACE_BOOKKEEPING, SURFACE_LOST};
-use crate::draft::{Aperture, Draft, Import, Item, MOST_BYTES, MOST_SURFACES, Record};
+use crate::draft::{Aperture, Draft, Import, Item, MOST_SURFACES, Record, check_size};
 use crate::loss::{Effect, Losses};
 use petzval_base::FileError;
 use petzval_optics::glass::Catalog;
@@ -26,10 +26,7 @@ pub fn parse_zmx(text: &str, catalog: &Catalog) -> Result<Import, FileError> {
 
 /// Reads a lens file to start an optimisation from: [`Import::unbuildable`] says whether its glass is too thin or its surfaces cross.
 pub fn parse_zmx_start(text: &str, catalog: &Catalog) -> Result<Import, FileError> {
-    if text.len() > MOST_BYTES {
-        let message = format!("a lens file of more than {} MB is not read", MOST_BYTES >> 20);
-        return Err(FileError::at_line(0, "", message));
-    }
+    check_size(text)?;
     let (mut header, mut losses) = (Header::default(), Losses::default());
     let mut surfaces: Vec<RawSurface<'_>> = Vec::new();
     let mut behind = false;
@@ -43,8 +40,7 @@ pub fn parse_zmx_start(text: &str, catalog: &Catalog) -> Result<Import, FileErro
                 return Err(line.error(message).hint("surfaces come first"));
             }
             if line.count(0)? != surfaces.len() {
-                let message = format!("this is not the next surface, which is {}", surfaces.len());
-                return Err(line.error(message));
+                return Err(line.error(format!("this is not the next surface, which is {}", surfaces.len())));
             }
             if surfaces.len() > MOST_SURFACES {
                 return Err(line.error(format!("a lens with more than {MOST_SURFACES} surfaces is not read")));
@@ -63,8 +59,7 @@ pub fn parse_zmx_start(text: &str, catalog: &Catalog) -> Result<Import, FileErro
             }
             // An unknown record among the surfaces does not end them.
             Some(_) => {
-                let message = "this record is not understood";
-                losses.add(line.number, line.text, Effect::NotUnderstood, message);
+                line.lose(&mut losses, Effect::NotUnderstood, "this record is not understood");
             }
         }
     }
@@ -104,8 +99,7 @@ fn read_behind(line: &Line<'_>, losses: &mut Losses) {
             "merit functions and further configurations are not read"
         }
         _ => {
-            let message = "this record is not understood";
-            return losses.add(line.number, line.text, Effect::NotUnderstood, message);
+            return line.lose(losses, Effect::NotUnderstood, "this record is not understood");
         }
     };
     losses.add_part(line.number, line.text, message);
@@ -122,7 +116,7 @@ fn finish(
         return Err(FileError::at_line(0, "", message).hint("each is a block `SURF number`"));
     };
     if header.mm == 0.0 {
-        losses.add(0, "", Effect::Assumed, "the file gives no unit; lengths are taken as mm");
+        losses.assume("the file gives no unit; lengths are taken as mm");
     }
     let mm = if header.mm == 0.0 { 1.0 } else { header.mm };
     let shapes = Shapes { mm, catalog, catalogs: &header.catalogs };
@@ -153,7 +147,7 @@ fn finish(
     let wavelengths = header.wavelengths(&mut losses)?;
     let primary = match &header.primary {
         None => {
-            losses.add(0, "", Effect::Assumed, "the file gives no primary wavelength; the first is taken");
+            losses.assume("the file gives no primary wavelength; the first is taken");
             0
         }
         Some((number, record)) => match number.checked_sub(1).filter(|i| *i < wavelengths.0.len()) {

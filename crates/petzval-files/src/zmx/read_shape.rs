@@ -70,8 +70,7 @@ impl RawSurface<'_> {
                 phase = Some(self.binary(shapes)?);
             }
             kind => {
-                let message = format!("surfaces of type {kind} are not traced");
-                return Err(self.kind_error(message).hint(KNOWN));
+                return Err(self.kind_error(format!("surfaces of type {kind} are not traced")).hint(KNOWN));
             }
         }
         Ok((shape, phase))

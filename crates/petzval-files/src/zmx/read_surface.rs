@@ -104,7 +104,7 @@ impl<'a> RawSurface<'a> {
             "CLAP" => {
                 if line.needed(0)? != 0.0 {
                     let message = "the hole in the middle of the aperture is not kept";
-                    losses.add(line.number, line.text, Effect::Approximated, message);
+                    line.lose(losses, Effect::Approximated, message);
                 }
                 self.aperture = Some((line.needed(1)?, line));
             }
@@ -112,7 +112,7 @@ impl<'a> RawSurface<'a> {
                 let [a, b] = [line.needed(0)?, line.needed(1)?];
                 let around = if line.keyword == "SQAP" { a.hypot(b) } else { a.abs().max(b.abs()) };
                 let message = "the aperture is not round; a circle around it is taken";
-                losses.add(line.number, line.text, Effect::Approximated, message);
+                line.lose(losses, Effect::Approximated, message);
                 self.aperture = Some((around, line));
             }
             "OBDC" => {
@@ -123,7 +123,7 @@ impl<'a> RawSurface<'a> {
             }
             "OBSC" | "SQOB" | "ELOB" | "SPID" | "UDAD" => {
                 let message = "obscurations and apertures of free shape are not kept: light passes there";
-                losses.add(line.number, line.text, Effect::Approximated, message);
+                line.lose(losses, Effect::Approximated, message);
             }
             // `SCBD` holds tilts as surface properties: two flags and an order, then shifts and angles.
             "SCBD" => {
@@ -136,10 +136,9 @@ impl<'a> RawSurface<'a> {
             known => {
                 let lost = SURFACE_LOST.iter().find(|(keyword, _)| *keyword == known);
                 match lost {
-                    Some((_, message)) => losses.add(line.number, line.text, Effect::NoRay, *message),
+                    Some((_, message)) => line.lose(losses, Effect::NoRay, *message),
                     None => {
-                        let message = "this record is not understood";
-                        losses.add(line.number, line.text, Effect::NotUnderstood, message);
+                        line.lose(losses, Effect::NotUnderstood, "this record is not understood");
                     }
                 }
             }
@@ -248,15 +247,8 @@ impl<'a> RawSurface<'a> {
             Some(line) if mirror.is_none() => self.medium(line, shapes, losses)?,
             _ => Glass::air(),
         };
-        let surface = Surface {
-            label: self.comment.clone(),
-            shape,
-            thickness_mm: self.finite_thickness_mm(shapes)?,
-            glass,
-            action,
-            phase,
-            ..Surface::default()
-        };
+        let (label, thickness_mm) = (self.comment.clone(), self.finite_thickness_mm(shapes)?);
+        let surface = Surface { label, shape, thickness_mm, glass, action, phase, ..Surface::default() };
         let record = self.kind.as_ref().unwrap_or(&self.line).record();
         let offset = self.offset_aperture(shapes);
         Ok(Drafted { surface, clear: self.clear(shapes, losses)?, record, offset })
@@ -267,7 +259,7 @@ impl<'a> RawSurface<'a> {
         if let Some((_, line)) = self.offset.as_ref().filter(|_| self.aperture.is_none()) {
             let floating = "a floating aperture stays at the vertex; its shift is not kept";
             let message = if self.floats { floating } else { "this shifts no aperture that is kept" };
-            losses.add(line.number, line.text, Effect::Approximated, message);
+            line.lose(losses, Effect::Approximated, message);
         }
         let offset = self.offset.as_ref().map_or(0.0, |([x, y], _)| x.hypot(*y));
         let printed = match &self.semi_diameter {
@@ -327,7 +319,7 @@ impl<'a> RawSurface<'a> {
                     vd => {
                         let message =
                             "the model glass has the dispersion of its Abbe number by Cauchy's formula";
-                        losses.add(line.number, line.text, Effect::Approximated, message);
+                        line.lose(losses, Effect::Approximated, message);
                         Dispersion::NdVd { nd, vd }
                     }
                 };
@@ -359,14 +351,14 @@ impl<'a> RawSurface<'a> {
                 let Some((glass, said)) = substitute(name, is_said.then_some(stated), shapes.catalog) else {
                     return Err(unknown_glass(&line.record(), &unknown));
                 };
-                losses.add(line.number, line.text, Effect::Approximated, said);
+                line.lose(losses, Effect::Approximated, said);
                 return Ok(glass);
             }
         };
         let maker = &glass.maker;
         if !maker.is_empty() && !shapes.catalogs.is_empty() {
             let message = format!("the glass is that of {maker}, which the file's GCAT does not name");
-            losses.add(line.number, line.text, Effect::Approximated, message);
+            line.lose(losses, Effect::Approximated, message);
         }
         Ok(glass)
     }
@@ -385,5 +377,5 @@ fn is_of(catalog: &str, maker: &str) -> bool {
 }
 
 fn report_solve(line: &Line<'_>, losses: &mut Losses) {
-    losses.add(line.number, line.text, Effect::NoRay, "the solve is not kept, but its value is");
+    line.lose(losses, Effect::NoRay, "the solve is not kept, but its value is");
 }

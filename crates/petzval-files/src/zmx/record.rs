@@ -2,6 +2,7 @@
 
 use crate::ForeignRecords;
 use crate::draft::{Record, line_end};
+use crate::loss::{Effect, Losses};
 use petzval_base::FileError;
 
 /// A line: a keyword and its values.
@@ -84,6 +85,11 @@ impl<'a> Line<'a> {
 
     pub fn error(&self, message: impl Into<String>) -> FileError {
         FileError::at_line(self.number, self.text, message)
+    }
+
+    /// Adds a loss of the line.
+    pub fn lose(&self, losses: &mut Losses, effect: Effect, message: impl Into<String>) {
+        losses.add(self.number, self.text, effect, message);
     }
 }
 

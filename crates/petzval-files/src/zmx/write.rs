@@ -159,7 +159,7 @@ impl Out<'_> {
             let (deg, exact) = degrees(*rad);
             if !exact {
                 let message = "in degrees, a tilt changes in its last digit";
-                self.losses.add(0, &format!("surface {}", index + 1), Effect::Approximated, message);
+                self.losses.of_surface(index + 1, Effect::Approximated, message);
             }
             self.line(format_args!("  PARM {} {}", i + 3, number(deg)));
         }
@@ -173,7 +173,7 @@ impl Out<'_> {
         }
         if name != glass.name {
             let message = format!("the glass {} is called {name}", one_line(&glass.name));
-            self.losses.add(0, &format!("surface {surface}"), Effect::NoRay, message);
+            self.losses.of_surface(surface, Effect::NoRay, message);
         }
         let known = self.catalog.get(&name).is_ok_and(|known| known.dispersion == glass.dispersion);
         let state = match (&glass.dispersion, known) {
@@ -194,7 +194,7 @@ impl Out<'_> {
         if state == 1 && matches!(glass.dispersion, Dispersion::NdVd { .. }) {
             let message =
                 format!("{name} becomes a model glass, whose dispersion programs compute in different ways");
-            self.losses.add(0, &format!("surface {surface}"), Effect::Approximated, message);
+            self.losses.of_surface(surface, Effect::Approximated, message);
         }
         let name = if name.is_empty() { "___BLANK" } else { name.as_str() };
         self.line(format_args!("  GLAS {name} {state} 0 {} {} 0 0 0 0 0 0", number(nd), number(vd)));

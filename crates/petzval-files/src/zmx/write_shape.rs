@@ -114,7 +114,7 @@ fn radius(out: &mut Out<'_>, surface: usize, value: f64, what: &str) -> f64 {
     }
     exact_reciprocal(value).unwrap_or_else(|| {
         let message = format!("as a {what}, a number changes in its last digit");
-        out.losses.add(0, &format!("surface {surface}"), Effect::Approximated, message);
+        out.losses.of_surface(surface, Effect::Approximated, message);
         1.0 / value
     })
 }

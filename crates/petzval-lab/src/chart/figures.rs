@@ -64,31 +64,25 @@ pub fn measure(
     let factor = exposure_factor(&means, wanted_xyz);
     let shown =
         |mean: &PatchMeans, factor: f64| lab(apply(&xyz_of_srgb, mean.linear.map(|v| v * factor)), d65);
-    let patches: Vec<PatchFigures> = means
-        .iter()
-        .zip(&windows)
-        .zip(wanted_xyz)
-        .map(|((mean, window), xyz)| {
-            let wanted = lab(*xyz, d65);
-            PatchFigures {
-                wanted_lab: wanted,
-                lab: shown(mean, 1.0),
-                delta_e_2000: delta_e_2000(shown(mean, 1.0), wanted),
-                normalised_delta_e_2000: delta_e_2000(shown(mean, factor), wanted),
-                noise: PatchNoise::of(&encoded, &luminance, picture.width, window),
-            }
-        })
-        .collect();
+    let patches = means.iter().zip(&windows).zip(wanted_xyz).map(|((mean, window), xyz)| {
+        let wanted = lab(*xyz, d65);
+        PatchFigures {
+            wanted_lab: wanted,
+            lab: shown(mean, 1.0),
+            delta_e_2000: delta_e_2000(shown(mean, 1.0), wanted),
+            normalised_delta_e_2000: delta_e_2000(shown(mean, factor), wanted),
+            noise: PatchNoise::of(&encoded, &luminance, picture.width, window),
+        }
+    });
+    let patches: Vec<PatchFigures> = patches.collect();
     let lightness = |factor: f64, of: fn(&PatchFigures) -> f64| Lightness {
         factor,
         mean_delta_e_2000: patches.iter().map(of).sum::<f64>() / patches.len() as f64,
         max_delta_e_2000: patches.iter().map(of).fold(0.0, maximum),
     };
-    let edges = chart
-        .targets()
-        .iter()
-        .map(|target| edge_figures(&luminance, picture.width, target, &moved))
-        .collect();
+    let targets = chart.targets();
+    let edges =
+        targets.iter().map(|target| edge_figures(&luminance, picture.width, target, &moved)).collect();
     ChartFigures {
         as_developed: lightness(1.0, |patch| patch.delta_e_2000),
         normalised: lightness(factor, |patch| patch.normalised_delta_e_2000),

@@ -59,11 +59,10 @@ pub fn find_edges(channel: &Channel) -> Vec<Region> {
     while kept.len() < MOST && left.peek().is_some() {
         let free = left.by_ref().filter(|window| is_free(&kept, &plane.region(window, channel.pitch)));
         let some: Vec<Window> = free.take(AT_A_TIME).collect();
-        let clean: Vec<Region> = some
+        let clean = some
             .par_iter()
-            .filter(|window| slanted_edge(&plane.as_plane(), window).is_ok_and(|edge| is_clean(&edge)))
-            .map(|window| plane.region(window, channel.pitch))
-            .collect();
+            .filter(|window| slanted_edge(&plane.as_plane(), window).is_ok_and(|edge| is_clean(&edge)));
+        let clean: Vec<Region> = clean.map(|window| plane.region(window, channel.pitch)).collect();
         for region in clean {
             if kept.len() < MOST && is_free(&kept, &region) {
                 kept.push(region);

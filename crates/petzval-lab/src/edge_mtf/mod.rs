@@ -127,14 +127,11 @@ impl RegionPicture {
 /// Measures a channel at the edge in a region. Where a colour has several planes, as green has in a Bayer mosaic, figures are the means over
 /// them.
 pub fn edge_mtf(channel: &Channel, region: &Region) -> Result<EdgeMtf, SfrError> {
-    let responses: Vec<_> = channel
-        .planes
-        .iter()
-        .map(|plane| {
-            slanted_edge(&plane.as_plane(), &plane.window(region, channel.pitch))
-                .map_err(|error| error.of_frame(channel.pitch))
-        })
-        .collect::<Result<_, _>>()?;
+    let responses = channel.planes.iter().map(|plane| {
+        slanted_edge(&plane.as_plane(), &plane.window(region, channel.pitch))
+            .map_err(|error| error.of_frame(channel.pitch))
+    });
+    let responses: Vec<_> = responses.collect::<Result<_, _>>()?;
     let count = responses.len() as f64;
     let mean = |of: &dyn Fn(&EdgeResponse) -> f64| responses.iter().map(of).sum::<f64>() / count;
     // The noise of different planes is independent.

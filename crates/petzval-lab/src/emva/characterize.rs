@@ -118,15 +118,11 @@ fn flagged<'a>(
         found.iter().filter(|(kind, _)| *kind == Kind::Dark).map(|(_, f)| &f.all).collect();
     let models = models_of(&darks);
     found.iter_mut().for_each(|(_, found)| found.set_lines(&models));
-    let mut points: Vec<FlaggedPoint<'_>> = points
-        .iter()
-        .copied()
-        .zip(found)
-        .map(|(point, (_, found))| {
-            let flags = FrameFlags::of(captures, point, &found, block_lines);
-            FlaggedPoint { point, found, flags }
-        })
-        .collect();
+    let points = points.iter().copied().zip(found).map(|(point, (_, found))| {
+        let flags = FrameFlags::of(captures, point, &found, block_lines);
+        FlaggedPoint { point, found, flags }
+    });
+    let mut points: Vec<FlaggedPoint<'_>> = points.collect();
     // ... and take this noise from the usable points alone.
     let models = line_models(&points);
     points.iter_mut().for_each(|p| p.found.set_lines(&models));

@@ -45,11 +45,8 @@ impl Counts {
 
     /// Occurrences of one digital number.
     pub fn at(&self, dn: i64) -> u64 {
-        usize::try_from(dn - i64::from(self.first_dn))
-            .ok()
-            .and_then(|i| self.counts.get(i))
-            .copied()
-            .unwrap_or(0)
+        let place = usize::try_from(dn - i64::from(self.first_dn)).ok();
+        place.and_then(|i| self.counts.get(i)).copied().unwrap_or(0)
     }
 
     /// The sum of two histograms.

@@ -102,16 +102,14 @@ pub fn figures(basis: &Basis<'_>) -> Vec<Figure> {
         (None, None) => a.reason() == b.reason(),
         _ => false,
     };
-    library
-        .into_iter()
-        .zip(ours)
-        .map(|((name, section, unit, meaning, library), (.., ours))| {
+    let figures =
+        library.into_iter().zip(ours).map(|((name, section, unit, meaning, library), (.., ours))| {
             // Where both agree, keep our number, because it has a standard error.
             let (value, corrected) = if same(&library, &ours) { (ours, None) } else { (library, Some(ours)) };
             let limit = limit(name, corrected.unwrap_or(value));
             Figure { name, section, meaning, unit, value, corrected, limit }
-        })
-        .collect()
+        });
+    figures.collect()
 }
 
 /// Dark frames of the points, each exposure time once.
@@ -219,6 +217,9 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Value> {
     };
     let lit = |f| raw(|s| &s.flat, f);
     let unlit = |f| raw(|s| &s.dark, f);
+    let (inverse_snr, stack_dark) = (inverse(100.0, snr), unlit(|s| s.temporal));
+    let (u_e_min_area, u_p_min_area) = (per_area(u_e_min), per_area(u_p_min));
+    let current_of_variance = variance_slope.over(k.squared());
     vec![
         ("DR", "sensitivity", "", "dynamic range", dr),
         ("DR_dB", "sensitivity", "dB", "dynamic range", db(dr)),
@@ -246,13 +247,7 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Value> {
         ("index_start", "info", "", "first point", index(0)),
         ("index_u_ysat", "sensitivity", "", "point of saturation", index(at)),
         ("inverse_K", "sensitivity", "e-/DN", "inverse of the overall system gain", inverse(1.0, k)),
-        (
-            "inverse_SNR_max",
-            "sensitivity",
-            "%",
-            "inverse of the largest signal-to-noise ratio",
-            inverse(100.0, snr),
-        ),
+        ("inverse_SNR_max", "sensitivity", "%", "inverse of the largest signal-to-noise ratio", inverse_snr),
         ("s_2_y", "spatial", "DN2", "spatial variance, flat", lit(|s| s.total)),
         ("s_2_y_cav", "spatial", "DN2", "variance of column means, flat", lit(|s| s.column_means)),
         ("s_2_y_cav_dark", "spatial", "DN2", "variance of column means, dark", unlit(|s| s.column_means)),
@@ -268,43 +263,19 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Value> {
         ("s_2_y_row", "spatial", "DN2", "spatial variance of rows, flat", lit(|s| s.row)),
         ("s_2_y_row_dark", "spatial", "DN2", "spatial variance of rows, dark", unlit(|s| s.row)),
         ("sigma_2_y_stack", "spatial", "DN2", "temporal variance of the stack, flat", lit(|s| s.temporal)),
-        (
-            "sigma_2_y_stack_dark",
-            "spatial",
-            "DN2",
-            "temporal variance of the stack, dark",
-            unlit(|s| s.temporal),
-        ),
+        ("sigma_2_y_stack_dark", "spatial", "DN2", "temporal variance of the stack, dark", stack_dark),
         ("sigma_d", "sensitivity", "e-", "temporal dark noise", sigma_d),
         ("sigma_y_dark", "sensitivity", "DN", "temporal dark noise", sigma_y_dark),
         ("u_I_mean", "dark_current", "e-/s", "dark current from the mean", mean_slope.over(k)),
         ("u_I_mean_DN", "dark_current", "DN/s", "dark current from the mean", mean_slope),
-        (
-            "u_I_var",
-            "dark_current",
-            "e-/s",
-            "dark current from the variance",
-            variance_slope.over(k.squared()),
-        ),
+        ("u_I_var", "dark_current", "e-/s", "dark current from the variance", current_of_variance),
         ("u_I_var_DN", "dark_current", "DN/s", "dark current from the variance", variance_slope.over(k)),
         ("u_e_min", "sensitivity", "e-", "absolute sensitivity threshold", u_e_min),
-        (
-            "u_e_min_area",
-            "sensitivity",
-            "e-/um2",
-            "absolute sensitivity threshold per area",
-            per_area(u_e_min),
-        ),
+        ("u_e_min_area", "sensitivity", "e-/um2", "absolute sensitivity threshold per area", u_e_min_area),
         ("u_e_sat", "sensitivity", "e-", "saturation capacity", u_e_sat),
         ("u_e_sat_area", "sensitivity", "e-/um2", "saturation capacity per area", per_area(u_e_sat)),
         ("u_p_min", "sensitivity", "p", "absolute sensitivity threshold", u_p_min),
-        (
-            "u_p_min_area",
-            "sensitivity",
-            "p/um2",
-            "absolute sensitivity threshold per area",
-            per_area(u_p_min),
-        ),
+        ("u_p_min_area", "sensitivity", "p/um2", "absolute sensitivity threshold per area", u_p_min_area),
         ("u_p_sat", "sensitivity", "p", "saturation capacity", u_p_sat),
         ("u_p_sat_area", "sensitivity", "p/um2", "saturation capacity per area", per_area(u_p_sat)),
     ]

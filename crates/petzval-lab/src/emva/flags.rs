@@ -240,11 +240,8 @@ fn movement(
     let [row_dn2, column_dn2] = found.all.line_noise.certain_dn2();
     let pixel_dn2 = found.all.pixel_dn2();
     let beyond_noise = |frame: usize, difference_dn: f64, variance_dn2: f64| {
-        let found = Movement {
-            frame,
-            difference_dn: difference_dn.abs(),
-            standard_error_dn: (of_others * variance_dn2).sqrt(),
-        };
+        let standard_error_dn = (of_others * variance_dn2).sqrt();
+        let found = Movement { frame, difference_dn: difference_dn.abs(), standard_error_dn };
         (found.difference_dn > NOT_NOISE_SIGMAS * found.standard_error_dn + drift_dn).then_some(found)
     };
     // A row of blocks has the noise of its rows of pixels; it is the median of its blocks.
@@ -263,11 +260,8 @@ fn movement(
         let of_columns = deviations.columns_dn.iter().filter_map(line(of_columns));
         of_blocks.chain(of_rows).chain(of_columns).max_by(|a, b| a.difference_dn.total_cmp(&b.difference_dn))
     };
-    deviations
-        .iter()
-        .enumerate()
-        .filter_map(of_frame)
-        .max_by(|a, b| a.difference_dn.total_cmp(&b.difference_dn).then(b.frame.cmp(&a.frame)))
+    let found = deviations.iter().enumerate().filter_map(of_frame);
+    found.max_by(|a, b| a.difference_dn.total_cmp(&b.difference_dn).then(b.frame.cmp(&a.frame)))
 }
 
 /// Largest difference between two blocks of the mean frame, and the largest standard error of a block from the spread of its pixels and

@@ -38,10 +38,8 @@ pub(super) fn expanded(folder: &Path, point: &Point) -> Result<Vec<FrameFile>, F
         let before = frames.len();
         frames.extend(found);
         if frames.len() == before {
-            return wrong(
-                format!("`{name}` matches no file"),
-                "names are below the folder of the list; * matches any letters but /",
-            );
+            let hint = "names are below the folder of the list; * matches any letters but /";
+            return wrong(format!("`{name}` matches no file"), hint);
         }
     }
     Ok(frames)

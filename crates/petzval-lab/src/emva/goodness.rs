@@ -272,11 +272,8 @@ pub fn test(points: &Points, model: Model, found: &[f64]) -> (FitTest, Departure
         departure.scatter = (chi2 / left as f64).sqrt() * of_few(left);
     }
     if let Some(bent) = is_bent {
-        found
-            .iter()
-            .zip(bent.coefficients.iter())
-            .zip(&mut departure.bend)
-            .for_each(|((a, b), bend)| *bend = b - a);
+        let bends = found.iter().zip(bent.coefficients.iter()).zip(&mut departure.bend);
+        bends.for_each(|((a, b), bend)| *bend = b - a);
     }
     (test, departure)
 }

@@ -87,12 +87,8 @@ impl HighPass {
                 pixels += (same - 2.0 * once(i) * once(j) + twice[i] * twice[j]).powi(2);
             }
         }
-        Passed {
-            pixel,
-            line,
-            pixel_correlation: pixels / (pixel * pixel),
-            line_correlation: lines / (line * line),
-        }
+        let (pixel_correlation, line_correlation) = (pixels / (pixel * pixel), lines / (line * line));
+        Passed { pixel, line, pixel_correlation, line_correlation }
     }
 
     /// Variance of the means over `across` filtered pixels, over that of as many independent ones: what independent pixels leave in the means of rows

@@ -36,11 +36,8 @@ pub fn histogram(values: &[i64], most_bins: usize) -> Histogram {
     let height = range as f64 / count as f64 * n / ((2.0 * std::f64::consts::PI).sqrt() * sigma);
     let normal =
         |b: &f64| if sigma > 0.0 { height * (-0.5 * ((b - mean) / sigma).powi(2)).exp() } else { 0.0 };
-    Histogram {
-        model: bins.iter().map(normal).collect(),
-        values: counts.into_iter().map(|c| c as f64).collect(),
-        bins,
-    }
+    let model = bins.iter().map(normal).collect();
+    Histogram { model, values: counts.into_iter().map(|c| c as f64).collect(), bins }
 }
 
 impl Histogram {

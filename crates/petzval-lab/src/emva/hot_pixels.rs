@@ -167,12 +167,9 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
 
     // Collect the outliers: dark current, and digital number at the longer exposure.
     let long_dn = |sum: u32| f64::from(sum) / long_frames as f64;
-    let (outlier_pixels, outliers): (Vec<usize>, Vec<(f64, f64)>) = currents()
-        .zip(&long.stack.sum_dn)
-        .enumerate()
-        .filter(|(_, (x, _))| *x > threshold)
-        .map(|(pixel, (x, sum))| (pixel, (x, long_dn(*sum))))
-        .unzip();
+    let beyond = currents().zip(&long.stack.sum_dn).enumerate().filter(|(_, (x, _))| *x > threshold);
+    let (outlier_pixels, outliers): (Vec<usize>, Vec<(f64, f64)>) =
+        beyond.map(|(pixel, (x, sum))| (pixel, (x, long_dn(*sum)))).unzip();
     // Outliers that pile up at the top are full at the longer exposure: only a lower bound of their dark current is known.
     let n = outliers.len() as f64;
     let excess = |x: f64| x - core_mean;
@@ -186,14 +183,12 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
     // Estimate the mean excess of the hot pixels by maximum likelihood.
     let above = threshold - core_mean;
     let theta = outliers.iter().map(|(x, _)| x - threshold).sum::<f64>() / known;
+    // The standard error of a median is sqrt(pi/2) times that of the mean for normally distributed numbers.
+    let median_se = ((0.5 * std::f64::consts::PI / pixels).sqrt() * spread).hypot(lines_se);
     let found = PixelDarkCurrents {
         short_s: short.exposure_s,
         long_s: long.exposure_s,
-        // The standard error of a median is sqrt(pi/2) times that of the mean for normally distributed numbers.
-        median_dn_per_s: Measured::new(
-            median,
-            ((0.5 * std::f64::consts::PI / pixels).sqrt() * spread).hypot(lines_se),
-        ),
+        median_dn_per_s: Measured::new(median, median_se),
         ordinary_dn_per_s: Measured::new(core_mean, core_se),
         spread_dn_per_s: spread,
         threshold_dn_per_s: threshold,

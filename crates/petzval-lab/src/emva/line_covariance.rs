@@ -188,12 +188,8 @@ impl LineCovariance {
         } else {
             1.0
         };
-        Some(Filtered {
-            variance_dn2,
-            pixel_share,
-            standard_error_dn2: variance_dn2.abs() * (2.0 * correlation / specimens).sqrt(),
-            correlation,
-        })
+        let standard_error_dn2 = variance_dn2.abs() * (2.0 * correlation / specimens).sqrt();
+        Some(Filtered { variance_dn2, pixel_share, standard_error_dn2, correlation })
     }
 }
 
@@ -247,12 +243,8 @@ const LONGEST_PERIOD: usize = 64;
 impl LineModel {
     /// No noise of lines, or none that is known.
     pub fn none(why: Unresolved) -> Self {
-        Self {
-            variance_dn2: Measured::none(why),
-            covariance_dn2: Vec::new(),
-            is_certain: false,
-            period: None,
-        }
+        let variance_dn2 = Measured::none(why);
+        Self { variance_dn2, covariance_dn2: Vec::new(), is_certain: false, period: None }
     }
 
     /// The model of an autocovariance, where single pixels have the temporal variance `pixel_dn2`.
@@ -275,12 +267,8 @@ impl LineModel {
         rest[0] -= share * pixel * (1.0 - kinds / lines);
         if rest[0] < CERTAIN_SIGMAS * independent_se {
             let variance = rest[0] / (1.0 - kinds / lines);
-            return Self {
-                variance_dn2: Measured::new(variance, independent_se.hypot(of_pixels)),
-                covariance_dn2: vec![variance],
-                is_certain: false,
-                period: None,
-            };
+            let variance_dn2 = Measured::new(variance, independent_se.hypot(of_pixels));
+            return Self { variance_dn2, covariance_dn2: vec![variance], is_certain: false, period: None };
         }
 
         // Subtract the part of a period: `n` independent numbers, whose mean is missing in the covariance.

@@ -154,11 +154,6 @@ impl LineNoise {
         })
     }
 
-    /// Variances of rows and columns as they came out, DN^2.
-    pub fn found_dn2(&self) -> [f64; 2] {
-        [self.row_dn2, self.column_dn2].map(|m| m.value().unwrap_or(0.0))
-    }
-
     /// Variance that the noise of `lines = [rows, columns]` independent lines leaves in their mean, DN^2.
     pub fn of_mean_dn2(&self, lines: [f64; 2]) -> f64 {
         let [row, column] = self.certain_dn2();

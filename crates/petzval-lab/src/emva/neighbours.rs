@@ -68,11 +68,8 @@ impl Neighbours {
             let taken = if down == 0 { 1.0 / width as f64 } else { 1.0 / height as f64 };
             pixels * (found - expected([down, right]) + taken)
         };
-        Self {
-            pixels,
-            excess: DISTANCES.map(correlation),
-            of_filter: pixels * high_pass.passed().pixel_correlation,
-        }
+        let of_filter = pixels * high_pass.passed().pixel_correlation;
+        Self { pixels, excess: DISTANCES.map(correlation), of_filter }
     }
 
     /// Adds those of other pixels.

@@ -219,14 +219,8 @@ impl Plan {
                 let names =
                     (0..count).map(|i| format!("gain-{gain}/{name}-{ms}ms{stack}-{i}.{}", self.format));
                 let names = names.collect();
-                points.push(PlannedPoint {
-                    kind,
-                    linear_gain: *gain,
-                    exposure_ms: ms,
-                    white_e,
-                    first_frame: frames,
-                    names,
-                });
+                let (linear_gain, first_frame) = (*gain, frames);
+                points.push(PlannedPoint { kind, linear_gain, exposure_ms: ms, white_e, first_frame, names });
                 frames += count as u64;
             };
             self.flat_ms.iter().for_each(|ms| add(Kind::Flat, *ms, 2));

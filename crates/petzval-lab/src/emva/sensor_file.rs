@@ -1,6 +1,6 @@
 //! Writes the characterisation as a sensor file for the simulator.
 
-use std::fmt::Write;
+use std::fmt::{self, Write};
 
 use super::histogram_fit::HistogramFit;
 use super::joint::{GainRow, JointFit};
@@ -148,87 +148,73 @@ pub fn sensor_toml(found: &Characterization) -> Result<String, Unresolved> {
         entry("electronics_noise_dn", "DN", electronics_noise, 0.0, in_read_noise),
     ];
 
-    // Write the facts of the sensor, the numbers, the colours, the gains and the non-uniformity.
     let mut text = String::new();
+    write(found, &entries, offset, &mut text).expect("a string takes whatever is written");
+    Ok(text)
+}
+
+/// Writes the facts of the sensor, the numbers, the colours, the gains and the non-uniformity. `offset` is BL + mu_el, DN.
+fn write(found: &Characterization, entries: &[Entry], offset: Option<f64>, text: &mut String) -> fmt::Result {
+    let (joint, model) = (&found.joint, Model::of(found));
     let quoted = |s: &str| toml::Value::String(s.to_owned()).to_string();
-    // Writing to a text cannot fail.
-    let _ = writeln!(text, "# Measured by `petzval sensor characterize`; all numbers hold at linear gain 1.");
+    writeln!(text, "# Measured by `petzval sensor characterize`; all numbers hold at linear gain 1.")?;
     if model.fit.is_some() {
-        let _ =
-            writeln!(text, "# The model is that of the fit to the histograms, as far as they determine it.");
+        writeln!(text, "# The model is that of the fit to the histograms, as far as they determine it.")?;
     }
-    let _ = writeln!(text, "name = {}", quoted(&found.sensor.name));
-    let _ = writeln!(text, "source = \"characterised from captures after EMVA 1288\"\n");
-    let _ = writeln!(text, "height = {}\nwidth = {}", found.height, found.width);
+    writeln!(text, "name = {}", quoted(&found.sensor.name))?;
+    writeln!(text, "source = \"characterised from captures after EMVA 1288\"\n")?;
+    writeln!(text, "height = {}\nwidth = {}", found.height, found.width)?;
     match found.sensor.pixel_um {
-        Some(pitch) => {
-            let _ = writeln!(text, "pixel_um = {pitch:?}");
-        }
-        None => {
-            let _ =
-                writeln!(text, "pixel_um = 1.0   # not resolved: the captures do not state the pixel pitch");
-        }
+        Some(pitch) => writeln!(text, "pixel_um = {pitch:?}")?,
+        None => writeln!(text, "pixel_um = 1.0   # not resolved: the captures do not state the pixel pitch")?,
     }
-    let _ = writeln!(text, "bits = {}\n", found.sensor.bits);
+    writeln!(text, "bits = {}\n", found.sensor.bits)?;
     if joint.rows.iter().any(|row| row.black_shift_dn != 0.0) {
         let of_row = |row: &GainRow| {
             format!("{:?}", joint.black_level_dn.or(offset).unwrap_or(0.0) + row.black_shift_dn)
         };
         let levels: Vec<String> = joint.rows.iter().map(of_row).collect();
-        let _ = writeln!(
-            text,
-            "# Black levels of the gains, as stated: {} DN; that of the lowest:",
-            levels.join(", ")
-        );
+        let levels = levels.join(", ");
+        writeln!(text, "# Black levels of the gains, as stated: {levels} DN; that of the lowest:")?;
     }
-    for e in &entries {
+    for e in entries {
         match (e.value.value(), e.value.standard_error(), e.value.reason()) {
-            (Some(v), Some(se), _) => {
-                let _ = writeln!(text, "{} = {v:?}   # +- {se:.2e} {}", e.key, e.unit);
-            }
+            (Some(v), Some(se), _) => writeln!(text, "{} = {v:?}   # +- {se:.2e} {}", e.key, e.unit)?,
             (_, _, Some(why)) => {
-                let _ = writeln!(text, "# {}: not resolved: {why}; the stand-in is {}", e.key, e.stand_in_is);
-                let _ = writeln!(text, "{} = {:?}", e.key, e.stand_in);
+                writeln!(text, "# {}: not resolved: {why}; the stand-in is {}", e.key, e.stand_in_is)?;
+                writeln!(text, "{} = {:?}", e.key, e.stand_in)?;
             }
-            (v, ..) => {
-                let _ = writeln!(text, "{} = {:?}   # {}, as stated", e.key, v.unwrap_or(e.stand_in), e.unit);
-            }
+            (v, ..) => writeln!(text, "{} = {:?}   # {}, as stated", e.key, v.unwrap_or(e.stand_in), e.unit)?,
         }
     }
-    let _ =
-        writeln!(text, "electronics = \"before_adc\"   # assumed: captures look the same with after_adc\n");
+    writeln!(text, "electronics = \"before_adc\"   # assumed: captures look the same with after_adc\n")?;
     let ratio = |m: Measured| m.value().unwrap_or(1.0);
     let red = model.best(|f| f.red_over_green, joint.red_over_green);
     let blue = model.best(|f| f.blue_over_green, joint.blue_over_green);
     if let Some(why) = red.reason().or(blue.reason()) {
-        let _ = writeln!(text, "# relative_qe: red and blue not resolved: {why}; the stand-in is 1");
+        writeln!(text, "# relative_qe: red and blue not resolved: {why}; the stand-in is 1")?;
     }
-    let _ = writeln!(
-        text,
-        "relative_qe = [{:?}, 1.0, {:?}]   # in the light of the captures",
-        ratio(red),
-        ratio(blue)
-    );
-    let _ = writeln!(text, "cfa = {}", quoted(&found.sensor.cfa.to_string()));
+    let (red, blue) = (ratio(red), ratio(blue));
+    writeln!(text, "relative_qe = [{red:?}, 1.0, {blue:?}]   # in the light of the captures")?;
+    writeln!(text, "cfa = {}", quoted(&found.sensor.cfa.to_string()))?;
     let gains: Vec<String> = found.gains.iter().map(|g| format!("{:?}", g.linear_gain)).collect();
     if gains.len() > 1 {
-        let _ = writeln!(text, "gain_steps = [{}]", gains.join(", "));
+        writeln!(text, "gain_steps = [{}]", gains.join(", "))?;
     }
-    non_uniformity(found, &mut text);
-    Ok(text)
+    non_uniformity(found, text)
 }
 
 /// Appends the non-uniformity: hot pixels, and DSNU and PRNU of the lowest gain that has stacks, mean of the colours.
-fn non_uniformity(found: &Characterization, text: &mut String) {
+fn non_uniformity(found: &Characterization, text: &mut String) -> fmt::Result {
     let joint = &found.joint;
     let stacks = found.gains.iter().find(|g| g.channels.iter().any(|c| c.spatial.is_some()));
     let hot = joint.hot_pixel_share.value().is_some();
     let fit = Model::of(found).fit.filter(|f| f.dark_noise_e.standard_error().is_some());
-    let _ = writeln!(text);
+    writeln!(text)?;
     let lines = [("row_noise_e", joint.row_noise_e), ("column_noise_e", joint.column_noise_e)];
     let has_lines = lines.iter().any(|(_, noise)| noise.value().is_some());
     if stacks.is_some() || hot || fit.is_some() || has_lines {
-        let _ = writeln!(text, "[nonuniformity]");
+        writeln!(text, "[nonuniformity]")?;
     }
     match stacks {
         None if fit.is_some() => {
@@ -236,29 +222,27 @@ fn non_uniformity(found: &Characterization, text: &mut String) {
                 ("dsnu_pixel_e", (|f| f.dsnu_e) as fn(&HistogramFit) -> Measured, "e-, by the histograms"),
                 ("prnu_pixel_percent", |f| f.prnu_percent, "%, by the histograms"),
             ] {
-                line(text, key, fit.map_or(Measured::none(Unresolved::NoStack), of), unit);
+                line(text, key, fit.map_or(Measured::none(Unresolved::NoStack), of), unit)?;
             }
         }
-        None => {
-            let _ = writeln!(text, "# DSNU, PRNU: not resolved: {}", Unresolved::NoStack);
-        }
-        Some(gain) => stack_non_uniformity(hot, gain, text),
+        None => writeln!(text, "# DSNU, PRNU: not resolved: {}", Unresolved::NoStack)?,
+        Some(gain) => stack_non_uniformity(hot, gain, text)?,
     }
     for (key, noise) in lines {
-        line(text, key, noise, "e-, from frame to frame");
+        line(text, key, noise, "e-, from frame to frame")?;
     }
     if let (true, Some(mean)) = (hot, joint.dark_current_e_per_s.value()) {
-        let _ = writeln!(
+        writeln!(
             text,
             "# dark_current_e_per_s is that of the pixels that are not hot; the mean of all is {mean:?} e-/s"
-        );
+        )?;
     }
-    line(text, "hot_pixel_share", joint.hot_pixel_share, "");
-    line(text, "hot_pixel_e_per_s", joint.hot_pixel_e_per_s, "e-/s");
+    line(text, "hot_pixel_share", joint.hot_pixel_share, "")?;
+    line(text, "hot_pixel_e_per_s", joint.hot_pixel_e_per_s, "e-/s")
 }
 
 /// DSNU and PRNU of one gain. Hot pixels have lines of their own, so the DSNU is that of the other pixels.
-fn stack_non_uniformity(has_hot: bool, gain: &GainResult, text: &mut String) {
+fn stack_non_uniformity(has_hot: bool, gain: &GainResult, text: &mut String) -> fmt::Result {
     for (key, name, unit) in [
         ("dsnu_pixel_e", "DSNU1288_pixel", "e-"),
         ("dsnu_row_e", "DSNU1288_row", "e-"),
@@ -286,7 +270,7 @@ fn stack_non_uniformity(has_hot: bool, gain: &GainResult, text: &mut String) {
             let se = all.iter().filter_map(Measured::standard_error).map(|s| s * s).sum::<f64>().sqrt();
             Measured::new(known.iter().sum::<f64>() / count, se / count)
         };
-        line(text, key, measured, unit);
+        line(text, key, measured, unit)?;
     }
     let bright: usize = gain.channels.iter().filter_map(|c| c.spatial.as_ref()).map(|s| s.bright).sum();
     if bright > 0 {
@@ -301,23 +285,20 @@ fn stack_non_uniformity(has_hot: bool, gain: &GainResult, text: &mut String) {
         } else {
             format!("; without them dsnu_pixel_e = {dsnu_e:.4}")
         };
-        let _ = writeln!(
-            text,
-            "# pixels that are bright in the dark at every exposure time: {bright}{of_others}"
-        );
+        writeln!(text, "# pixels that are bright in the dark at every exposure time: {bright}{of_others}")?;
     }
     let defects: usize =
         gain.channels.iter().filter_map(|c| c.spatial.as_ref()).map(|s| s.defects.len()).sum();
     if defects > 0 {
         let pixels = if defects == 1 { "1 pixel that does" } else { &format!("{defects} pixels that do") };
-        let _ =
-            writeln!(text, "# {pixels} not answer light: left out of DSNU and PRNU; results.json lists them");
+        writeln!(text, "# {pixels} not answer light: left out of DSNU and PRNU; results.json lists them")?;
     }
+    Ok(())
 }
 
 /// One line: a number with its standard error, or a comment that says why there is none.
-fn line(text: &mut String, key: &str, measured: Measured, unit: &str) {
-    let _ = match (measured.value(), measured.standard_error(), measured.reason()) {
+fn line(text: &mut String, key: &str, measured: Measured, unit: &str) -> fmt::Result {
+    match (measured.value(), measured.standard_error(), measured.reason()) {
         (Some(v), Some(se), _) => {
             let comment = format!("+- {se:.2e} {unit}");
             writeln!(text, "{key} = {v:?}   # {}", comment.trim_end())
@@ -327,5 +308,5 @@ fn line(text: &mut String, key: &str, measured: Measured, unit: &str) {
             let why = why.map_or(String::new(), |why| why.to_string());
             writeln!(text, "# {key}: not resolved: {why}")
         }
-    };
+    }
 }

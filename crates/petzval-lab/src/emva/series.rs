@@ -171,17 +171,14 @@ pub fn write_series(
         wavelength_um: plan.wavelength_um,
         temperature_c: None,
     };
-    let listed: Vec<Listed> = series
-        .points
-        .iter()
-        .map(|p| Listed {
-            kind: p.kind,
-            linear_gain: p.linear_gain,
-            exposure_ms: p.exposure_ms,
-            photons: series.photons(p),
-            frames: p.names.clone(),
-        })
-        .collect();
+    let listed = series.points.iter().map(|p| Listed {
+        kind: p.kind,
+        linear_gain: p.linear_gain,
+        exposure_ms: p.exposure_ms,
+        photons: series.photons(p),
+        frames: p.names.clone(),
+    });
+    let listed: Vec<Listed> = listed.collect();
     let text = manifest::write(&facts, &listed).map_err(unwritable)?;
     write_whole(&list, text.as_bytes()).map_err(io(&list))?;
     Ok(Written { list, frames: frames.len(), kept: kept.iter().filter(|k| **k).count() })

@@ -431,20 +431,13 @@ fn mean_of(subs: &[Sub]) -> StackVariances {
 /// rows and columns, that of `n` means of variance `A` as `A sqrt(2/n)`; neighbours that the filter correlates count
 /// less.
 fn components(subs: &[Sub], high_pass: HighPass) -> Components {
-    let none = Measured::none(Unresolved::TooSmall);
+    let [total, row, column, pixel] = [Measured::none(Unresolved::TooSmall); 4];
     let passed = high_pass.passed();
     let mut parts: Vec<[(f64, f64); 4]> = Vec::new();
     let mut neighbours = Neighbours::default();
     for sub in subs {
         let Some(plane) = high_pass.apply(&sub.mean()).filter(|p| p.height >= 8 && p.width >= 8) else {
-            return Components {
-                total: none,
-                row: none,
-                column: none,
-                pixel: none,
-                test: None,
-                is_tiled: false,
-            };
+            return Components { total, row, column, pixel, test: None, is_tiled: false };
         };
         let (m, n, l) = (plane.height as f64, plane.width as f64, sub.frames as f64);
         let found = moments(&plane);
@@ -511,14 +504,9 @@ fn components(subs: &[Sub], high_pass: HighPass) -> Components {
         let se = parts.iter().map(|p| p[k].1 * p[k].1).sum::<f64>().sqrt() / count;
         Measured::new(value, se)
     };
-    Components {
-        total: of(0),
-        row: of(1),
-        column: of(2),
-        pixel: of(3),
-        test: Some(neighbours.test()),
-        is_tiled: neighbours.is_tiled(),
-    }
+    let [total, row, column, pixel] = [0, 1, 2, 3].map(of);
+    let (test, is_tiled) = (Some(neighbours.test()), neighbours.is_tiled());
+    Components { total, row, column, pixel, test, is_tiled }
 }
 
 /// What the filtered mean frames of both stacks have in common, over the places of a colour.
@@ -552,15 +540,16 @@ fn mean_spectrum(planes: &[Plane], spectrum: fn(&Plane) -> Vec<f64>) -> Vec<f64>
     (0..length).map(|i| all.iter().map(|s| s[i]).sum::<f64>() / all.len() as f64).collect()
 }
 
-fn plots(planes: &[Plane], histogram: Histogram, accumulated: Histogram) -> StackPlots {
+/// The plots of planes and of their defects: whole numbers that count `divisor` a DN, the histogram about `middle`.
+fn plots(planes: &[Plane], defects: &[i64], divisor: f64, middle: f64) -> StackPlots {
     let (horizontal_profile, vertical_profile) = planes.first().map(profiles).unwrap_or_default();
     StackPlots {
         horizontal_spectrogram_dn2: mean_spectrum(planes, row_spectrogram),
         vertical_spectrogram_dn2: mean_spectrum(planes, column_spectrogram),
         horizontal_profile,
         vertical_profile,
-        histogram,
-        accumulated,
+        histogram: histogram(defects, MOST_BINS).rescaled(divisor, middle),
+        accumulated: accumulated(defects, MOST_BINS).rescaled(divisor, 0.0),
     }
 }
 
@@ -570,11 +559,7 @@ fn dsnu_plots(dark: &[Sub]) -> StackPlots {
     let sums: Vec<i64> = dark.iter().flat_map(|s| s.sum_dn.iter().copied()).collect();
     let l = dark.first().map_or(1.0, |s| s.frames as f64);
     let mean = sums.iter().map(|v| *v as f64).sum::<f64>() / sums.len() as f64;
-    plots(
-        &planes,
-        histogram(&sums, MOST_BINS).rescaled(l, mean / l),
-        accumulated(&sums, MOST_BINS).rescaled(l, 0.0),
-    )
+    plots(&planes, &sums, l, mean / l)
 }
 
 /// Defects in the light: flat minus dark sums, after the 5x5 high-pass of release 3.1 in whole numbers.
@@ -591,11 +576,7 @@ fn prnu_plots(flat: &[Sub], dark: &[Sub]) -> StackPlots {
         let values = difference.iter().map(|v| *v as f64 / l).collect();
         planes.push(Plane { height: f.height, width: f.width, values });
     }
-    plots(
-        &planes,
-        histogram(&filtered, MOST_BINS).rescaled(divisor, 0.0),
-        accumulated(&filtered, MOST_BINS).rescaled(divisor, 0.0),
-    )
+    plots(&planes, &filtered, divisor, 0.0)
 }
 
 #[cfg(test)]

@@ -229,11 +229,8 @@ fn tested_gain(used: &[TransferPoint]) -> Tested {
     if test.model_error > 0.0 {
         test.verdict = Verdict::Widened;
     }
-    Tested {
-        measured: by_noise.with_error(test.model_error),
-        test,
-        straightened: share.map(|share| by_noise.scale(1.0 / share)),
-    }
+    let straightened = share.map(|share| by_noise.scale(1.0 / share));
+    Tested { measured: by_noise.with_error(test.model_error), test, straightened }
 }
 
 /// The gain that a response which bends over the light gives, over that of small signals, if it bends.
@@ -288,14 +285,11 @@ fn linearity(points: &[TransferPoint], signal: &[f64], end_dn: f64) -> Result<Li
         return Err(Unresolved::OneLight);
     };
     // Compute the deviations of all points from the line, and the extremes within the range.
-    let deviation_percent: Vec<f64> = x
-        .iter()
-        .zip(signal)
-        .map(|(x, y)| {
-            let fitted = slope * x + offset_dn;
-            if fitted == 0.0 { 0.0 } else { 100.0 * (y - fitted) / fitted }
-        })
-        .collect();
+    let deviations = x.iter().zip(signal).map(|(x, y)| {
+        let fitted = slope * x + offset_dn;
+        if fitted == 0.0 { 0.0 } else { 100.0 * (y - fitted) / fitted }
+    });
+    let deviation_percent: Vec<f64> = deviations.collect();
     let by_deviation = |a: &usize, b: &usize| deviation_percent[*a].total_cmp(&deviation_percent[*b]);
     let (low, high) = (
         (first..=last).min_by(by_deviation).unwrap_or(first),

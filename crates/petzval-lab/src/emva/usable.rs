@@ -21,14 +21,11 @@ pub fn check_usable(
 ) -> Result<(), CaptureError> {
     let list = || captures.list.clone();
     let channels = || gains.iter().flat_map(|g| &g.channels);
-    let dark: Vec<(f64, f64)> = flags
-        .iter()
-        .flat_map(|gain| &gain.flats)
-        .filter_map(|flat| match flat.signal {
-            Signal::None { signal_dn, standard_error_dn } => Some((signal_dn, standard_error_dn)),
-            _ => None,
-        })
-        .collect();
+    let dark = flags.iter().flat_map(|gain| &gain.flats).filter_map(|flat| match flat.signal {
+        Signal::None { signal_dn, standard_error_dn } => Some((signal_dn, standard_error_dn)),
+        _ => None,
+    });
+    let dark: Vec<(f64, f64)> = dark.collect();
     let with_signal: usize = gains.iter().filter_map(|g| g.channels.first()).map(|c| c.points.len()).sum();
     let points = dark.len() + with_signal;
     if points == 0 {

@@ -417,10 +417,9 @@ fn bright_pixels(
 
 fn signal_bias(percent: Option<f64>, of_others: &[(&str, f64, &str)]) -> String {
     let Some(percent) = percent.filter(|p| p.abs() >= LEAST_BIAS_PERCENT) else { return String::new() };
-    let figures: Vec<String> = of_others
-        .iter()
-        .map(|(name, value, unit)| format!("{name} {} {unit}", significant(*value)))
-        .collect();
+    let figures =
+        of_others.iter().map(|(name, value, unit)| format!("{name} {} {unit}", significant(*value)));
+    let figures: Vec<String> = figures.collect();
     let of_others =
         if figures.is_empty() { String::new() } else { format!("; without them {}", figures.join(", ")) };
     let direction = if percent < 0.0 { "low" } else { "high" };

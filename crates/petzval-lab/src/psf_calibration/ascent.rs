@@ -115,14 +115,11 @@ pub(super) fn shaped(cells: &[f64], outward: isize, light: f64) -> Vec<f64> {
     let soft = blurred(cells, 1.25);
     let sum = soft.iter().sum::<f64>().max(f64::MIN_POSITIVE);
     let from = |i: usize| (i / GRID).checked_add_signed(-outward).filter(|row| *row < GRID);
-    even(0.01 * light)
-        .into_iter()
-        .enumerate()
-        .map(|(i, even)| {
-            even + from(i)
-                .map_or(0.0, |row| if even > 0.0 { light / sum * soft[row * GRID + i % GRID] } else { 0.0 })
-        })
-        .collect()
+    let starts = even(0.01 * light).into_iter().enumerate().map(|(i, even)| {
+        even + from(i)
+            .map_or(0.0, |row| if even > 0.0 { light / sum * soft[row * GRID + i % GRID] } else { 0.0 })
+    });
+    starts.collect()
 }
 
 /// Replaces every cell by a round blob: a Gaussian along rows and columns. The operation is its own transpose as long

@@ -147,13 +147,8 @@ pub fn estimate_bank(
         return Err(PsfError::NoField.into());
     }
     let pitch_um = pixel_um / CELLS_PER_PIXEL as f64;
-    let mut bank = PsfBank {
-        field_radius_mm: Vec::new(),
-        grid: GRID,
-        pitch_um,
-        values: Vec::new(),
-        illumination: Vec::new(),
-    };
+    let (values, illumination) = (Vec::new(), Vec::new());
+    let mut bank = PsfBank { field_radius_mm: Vec::new(), grid: GRID, pitch_um, values, illumination };
     let done = Tally::default();
     progress(0, fields.len())?;
     let fit = |members: &Vec<usize>| {

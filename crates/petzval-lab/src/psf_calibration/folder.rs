@@ -15,7 +15,7 @@ use super::track::{Centroid, Mosaics, Track, mean_centroid};
 use super::warnings::{Seen, position_warnings};
 use petzval_base::statistics::median;
 use petzval_camera::develop::dark_mean_dn;
-use petzval_camera::render::Placement;
+use petzval_camera::render::{Placement, Window};
 use petzval_camera::sensor::{Exposure, SensorModel};
 use petzval_files::raw_file::{RawFrame, RawInfo, Sidecar, load_raw, sidecar_path};
 
@@ -87,8 +87,8 @@ pub fn calibrate_position(
         return Err(PsfCalibrationError::TooSmall { position: name, height, width, least });
     };
     let [row, col] = *position.origin.get_ref();
-    let fits = |start: usize, len: usize, size: usize| start.checked_add(len).is_some_and(|end| end <= size);
-    if !fits(row, first.height, sensor.height) || !fits(col, first.width, sensor.width) {
+    let window = Window { placement: Placement { row, col }, height: first.height, width: first.width };
+    if !window.lies_on((sensor.height, sensor.width)) {
         let message = format!(
             "frames of {}x{} pixels from here leave the sensor of {}x{}",
             first.height, first.width, sensor.height, sensor.width
@@ -102,12 +102,8 @@ pub fn calibrate_position(
         return Err(PsfCalibrationError::TooSmall { position: name, height, width, least });
     }
     let cut = Cut::around_brightest(&first);
-    let frame = Frame {
-        height: cut.height,
-        width: cut.width,
-        placement: Placement { row: row + cut.row, col: col + cut.col },
-        cfa: sensor.cfa,
-    };
+    let placement = Placement { row: row + cut.row, col: col + cut.col };
+    let frame = Frame { height: cut.height, width: cut.width, placement, cfa: sensor.cfa };
 
     // Average the frames of each exposure time.
     let linear_gain = *manifest.linear_gain.get_ref();
@@ -236,14 +232,8 @@ impl Reader<'_> {
         let (height, width) = (raw.height, raw.width);
         if (height, width) != (first_height, first_width) {
             let position = self.position.to_owned();
-            return Err(PsfCalibrationError::Size {
-                path,
-                position,
-                height,
-                width,
-                first_height,
-                first_width,
-            });
+            let size = PsfCalibrationError::Size { path, position, height, width, first_height, first_width };
+            return Err(size);
         }
         // The bits of the converter are those of the sidecar; a file's own bits are those of its container.
         let bits = Sidecar::beside(&path)?.and_then(|sidecar| sidecar.info.bits);
@@ -400,12 +390,8 @@ impl Follow<'_> {
         let variance: Vec<f64> = (0..left_out.len())
             .map(|i| e.frame_variance_e2(i, self.merged.rate_e_per_s[i], self.noise))
             .collect();
-        let mosaics = Mosaics {
-            frame: self.frame,
-            variance: &variance,
-            shared: self.noise.shared_e2,
-            left_out: &left_out,
-        };
+        let shared = self.noise.shared_e2;
+        let mosaics = Mosaics { frame: self.frame, variance: &variance, shared, left_out: &left_out };
         let electrons = |dn: &[u16]| -> Vec<f64> {
             let of = |(v, dark): (&u16, &f64)| (f64::from(*v) - dark) / self.noise.gain_dn_per_e;
             dn.iter().zip(&e.dark.mean_dn).map(of).collect()
@@ -429,12 +415,8 @@ impl Follow<'_> {
                 .map(|i| e.variance(i, self.merged.rate_e_per_s[i], self.noise) + offset * offset)
                 .collect();
             let per_mean = 1.0 / (e.light.frames as f64 * e.time_s * e.time_s);
-            let mosaics = Mosaics {
-                frame: self.frame,
-                variance: &variance,
-                shared: self.noise.shared_e2.map(|v| v * per_mean),
-                left_out: &left_out,
-            };
+            let shared = self.noise.shared_e2.map(|v| v * per_mean);
+            let mosaics = Mosaics { frame: self.frame, variance: &variance, shared, left_out: &left_out };
             mosaics.centroid(&rate, self.start(&rate, &left_out))
         };
         Some([of(a)?, of(b)?])

@@ -154,17 +154,14 @@ fn best(
     let tried: Vec<(f64, Choice, Vec<Vec<f64>>)> = ways
         .into_par_iter()
         .map(|(blob, is_from_green)| {
-            let mut fits: Vec<(Ascent, Landing, Vec<Datum>)> = folds
-                .iter()
-                .enumerate()
-                .map(|(k, fold)| {
-                    let data = fold.seen.iter().map(|p| fold.data(p, channel, false)).collect();
-                    let from = green.filter(|_| is_from_green).map(|(cells, by)| (&cells[k][..], by));
-                    let ascent = Ascent::new(&fold.landings, data, blob, start(&fold.seen, channel, from));
-                    let landing = landing(&fold.held, fold.middle, pixel_um);
-                    (ascent, landing, fold.data(&fold.held, channel, true))
-                })
-                .collect();
+            let fits = folds.iter().enumerate().map(|(k, fold)| {
+                let data = fold.seen.iter().map(|p| fold.data(p, channel, false)).collect();
+                let from = green.filter(|_| is_from_green).map(|(cells, by)| (&cells[k][..], by));
+                let ascent = Ascent::new(&fold.landings, data, blob, start(&fold.seen, channel, from));
+                let landing = landing(&fold.held, fold.middle, pixel_um);
+                (ascent, landing, fold.data(&fold.held, channel, true))
+            });
+            let mut fits: Vec<(Ascent, Landing, Vec<Datum>)> = fits.collect();
             let is_light_free = folds.iter().all(|f| f.part.is_none());
             let mut best = (f64::INFINITY, Choice { blob, is_from_green, rounds: 0 }, Vec::new());
             let (mut rounds, mut worse) = (0, 0);

@@ -148,13 +148,8 @@ impl Manifest {
         number(&self.linear_gain, "linear_gain", 1e-3, 1e3, "1 is the sensor's system gain")?;
         optional(&self.source.distance_mm, "distance_mm", 1.0, 1e9, "millimetres from the lens")?;
         optional(&self.source.image_scale_mm, "image_scale_mm", 1e-2, 1e5, "the focal length in mm")?;
-        optional(
-            &self.source.refocus_mm,
-            "refocus_mm",
-            -1e3,
-            1e3,
-            "millimetres; positive moves the sensor away",
-        )?;
+        let meaning = "millimetres; positive moves the sensor away";
+        optional(&self.source.refocus_mm, "refocus_mm", -1e3, 1e3, meaning)?;
         if !(0.0..=1e5).contains(&self.source.pinhole_um) {
             let at = FileError::at_key(text, &["source", "pinhole_um"], "not between 0 and 100000");
             return Err(at.hint("the diameter in um; 0 for a point"));

@@ -230,12 +230,8 @@ fn centroid_error(
 ) -> Result<[f64; 2], PsfCalibrationError> {
     let sensor = |error| PsfCalibrationError::Sensor { position: position.to_owned(), error };
     let planes = frame.demosaic(mosaic).map_err(sensor)?;
-    let light: f64 = planes
-        .plane(1)
-        .iter()
-        .enumerate()
-        .map(|(i, v)| window(frame.distance(i, centre)) * f64::from(*v))
-        .sum();
+    let pixels = planes.plane(1).iter().enumerate();
+    let light: f64 = pixels.map(|(i, v)| window(frame.distance(i, centre)) * f64::from(*v)).sum();
     let mut error = [0.0; 2];
     for (axis, error) in error.iter_mut().enumerate() {
         let mut by_plane = LinearImage::zeros(CHANNELS, frame.height, frame.width);

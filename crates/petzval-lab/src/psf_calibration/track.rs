@@ -144,12 +144,8 @@ pub struct Drift {
 /// Least-squares line through the places of the frames; `None` for fewer than two. `leave_out` says which frames do not
 /// count. The error is that of propagation or, if that is larger, of the scatter between successive frames.
 pub fn drift(track: &[Followed], leave_out: &[usize]) -> Option<Drift> {
-    let points: Vec<(f64, Centroid)> = track
-        .iter()
-        .enumerate()
-        .filter(|(n, _)| !leave_out.contains(n))
-        .filter_map(|(n, (_, c))| c.map(|c| (n as f64, c)))
-        .collect();
+    let kept = track.iter().enumerate().filter(|(n, _)| !leave_out.contains(n));
+    let points: Vec<(f64, Centroid)> = kept.filter_map(|(n, (_, c))| c.map(|c| (n as f64, c))).collect();
     let (first, last) = (points.first()?.0, points.last()?.0);
     let middle = points.iter().map(|p| p.0).sum::<f64>() / points.len() as f64;
     let spread: f64 = points.iter().map(|p| (p.0 - middle).powi(2)).sum();

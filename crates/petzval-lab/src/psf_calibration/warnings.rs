@@ -105,10 +105,8 @@ fn of_exposures(seen: &Seen, warnings: &mut Vec<String>) {
         }
     }
     // Report only the exposure that differs most from all others.
-    let worst = seen
-        .exposures
-        .iter()
-        .filter_map(|e| Some((e, e.agreement?)))
+    let known = seen.exposures.iter().filter_map(|e| Some((e, e.agreement?)));
+    let worst = known
         .filter(|(_, a)| a.chi2 > DISAGREEMENT + 5.0 * (2.0 / a.pixels as f64).sqrt())
         .max_by(|(_, a), (_, b)| a.chi2.total_cmp(&b.chi2));
     if let Some((e, a)) = worst {

@@ -82,11 +82,8 @@ impl End {
             }
         }
         let near = extreme - NEAR * profile.step();
-        let mut close: Vec<f64> = profile
-            .values()
-            .map(|(_, value)| sign * value)
-            .filter(|v| (near..=extreme).contains(v))
-            .collect();
+        let signed = profile.values().map(|(_, value)| sign * value);
+        let mut close: Vec<f64> = signed.filter(|v| (near..=extreme).contains(v)).collect();
         close.sort_by(f64::total_cmp);
         let differences = close.windows(2).map(|pair| pair[1] - pair[0]).filter(|d| *d > 0.0);
         let least_gap = differences.fold(extreme - next, f64::min) / profile.step();

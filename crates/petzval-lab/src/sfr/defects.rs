@@ -20,10 +20,9 @@ pub fn marked(region: &Region, deviations: &[Option<(f64, usize)>]) -> Vec<bool>
         let of_zone = deviations.iter().flatten().filter(|(_, z)| *z == zone).map(|(d, _)| d.abs());
         (SIGMAS * SIGMA_OVER_MEDIAN * median(of_zone)).max(LEAST)
     });
-    let mut marks: Vec<bool> = deviations
-        .iter()
-        .map(|of| of.is_some_and(|(deviation, zone)| deviation.abs() > limits[zone]))
-        .collect();
+    let marks =
+        deviations.iter().map(|of| of.is_some_and(|(deviation, zone)| deviation.abs() > limits[zone]));
+    let mut marks: Vec<bool> = marks.collect();
     let (height, width) = (region.height, region.width);
     let single = marks.clone();
     let mut mark_line = |places: &dyn Fn(usize) -> usize, length: usize| {

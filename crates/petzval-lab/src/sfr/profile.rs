@@ -120,12 +120,8 @@ impl<'a> Profile<'a> {
     ) -> Result<Self, SfrError> {
         let sample = |i: usize| {
             let at = region.middle(i);
-            Sample {
-                at,
-                distance: path.beside(at).distance,
-                value: region.values[i],
-                band: i / region.width * bands / region.height,
-            }
+            let (distance, value) = (path.beside(at).distance, region.values[i]);
+            Sample { at, distance, value, band: i / region.width * bands / region.height }
         };
         let samples: Vec<Sample> =
             (0..region.values.len()).filter(|i| !is_left_out[*i]).map(sample).collect();
@@ -135,14 +131,11 @@ impl<'a> Profile<'a> {
         }
         let sides = Sides::of(region, &samples, path, blur_px, half, bands);
         let basis = Basis { half };
-        let points: Vec<Point> = samples
-            .iter()
-            .enumerate()
-            .filter(|(_, s)| s.distance.abs() <= half as f64)
-            .filter_map(|(sample, s)| {
-                Some(Point { sample, distance: s.distance, share: sides.share(s.at, s.value)? })
-            })
-            .collect();
+        let near = samples.iter().enumerate().filter(|(_, s)| s.distance.abs() <= half as f64);
+        let points = near.filter_map(|(sample, s)| {
+            Some(Point { sample, distance: s.distance, share: sides.share(s.at, s.value)? })
+        });
+        let points: Vec<Point> = points.collect();
         let within = samples.iter().filter(|s| s.distance.abs() <= half as f64).count();
         // Sides that meet, or change beyond the step between them, are those of no edge.
         if sides.levels[1] <= sides.levels[0] || 2 * points.len() < within {
@@ -162,19 +155,8 @@ impl<'a> Profile<'a> {
         }
         let (factor, spline, scatter) = fitted((PENALTY * density).max((scatter / PENALTY_NOISE).powi(2)));
         let left_out = is_left_out.iter().filter(|is| **is).count();
-        Ok(Self {
-            region,
-            path: path.clone(),
-            blur_px,
-            sides,
-            samples,
-            points,
-            spline,
-            factor,
-            scatter,
-            left_out,
-            bands,
-        })
+        let path = path.clone();
+        Ok(Self { region, path, blur_px, sides, samples, points, spline, factor, scatter, left_out, bands })
     }
 
     /// Pixels of the profile on either side.
@@ -391,12 +373,8 @@ impl<'a> Profile<'a> {
         }
         let most = sums.iter().map(|s| s[1]).fold(0.0, f64::max);
         let middle = 0.5 * self.region.height as f64;
-        let rows: Vec<(f64, f64)> = sums
-            .iter()
-            .enumerate()
-            .filter(|(_, s)| s[1] > 0.3 * most && s[1] > 0.0)
-            .map(|(row, s)| (row as f64 + 0.5 - middle, s[0] / s[1]))
-            .collect();
+        let filled = sums.iter().enumerate().filter(|(_, s)| s[1] > 0.3 * most && s[1] > 0.0);
+        let rows: Vec<(f64, f64)> = filled.map(|(row, s)| (row as f64 + 0.5 - middle, s[0] / s[1])).collect();
         let spread = rows.iter().map(|(y, _)| y * y).sum();
         (rows, spread)
     }

@@ -150,10 +150,8 @@ impl Windowed {
     /// The modulation under a window of half-width `end`. The window is 1 over the share `flat` of its width, in its middle, and falls to 0 at its ends.
     fn of(profile: &Spline, pulls: &[Spline], end: f64, flat: f64) -> Self {
         let steps = (end * POINTS_PER_PIXEL as f64) as i64;
-        let points: Vec<(f64, f64)> = (-steps..=steps)
-            .map(|k| k as f64 / POINTS_PER_PIXEL as f64)
-            .map(|at| (at, window(at / end, flat)))
-            .collect();
+        let distances = (-steps..=steps).map(|k| k as f64 / POINTS_PER_PIXEL as f64);
+        let points: Vec<(f64, f64)> = distances.map(|at| (at, window(at / end, flat))).collect();
         let mut modulation = Vec::with_capacity(FREQUENCIES);
         let mut by_band = vec![Vec::with_capacity(FREQUENCIES); pulls.len()];
         let mut at_zero: Option<(f64, Vec<f64>)> = None;

@@ -316,12 +316,8 @@ pub fn in_classes(data: &DataSet, classes: &Classes) -> DataSet {
         name: class.name.clone(),
         ..Category::default()
     };
-    DataSet {
-        images: data.images.clone(),
-        categories: classes.iter().enumerate().map(category).collect(),
-        annotations,
-        ..DataSet::default()
-    }
+    let categories = classes.iter().enumerate().map(category).collect();
+    DataSet { images: data.images.clone(), categories, annotations, ..DataSet::default() }
 }
 
 #[cfg(test)]

@@ -66,11 +66,8 @@ impl CropPlan {
     /// Checks that the sensor can hold the crop.
     pub fn check_sensor(&self) -> Result<(), DatasetError> {
         if self.crop == 0 || self.exposed() > self.sensor_rows.min(self.sensor_columns) {
-            return Err(DatasetError::SensorTooSmall {
-                rows: self.sensor_rows,
-                columns: self.sensor_columns,
-                crop: self.exposed(),
-            });
+            let (rows, columns) = (self.sensor_rows, self.sensor_columns);
+            return Err(DatasetError::SensorTooSmall { rows, columns, crop: self.exposed() });
         }
         Ok(())
     }

@@ -61,15 +61,14 @@ impl LabelledPictures {
 
         let mut notes = Vec::new();
         if let Some(alone) = labels.values().next() {
-            let others =
-                if labels.len() > 1 { format!(" and {} others", labels.len() - 1) } else { String::new() };
+            let others = and_others(labels.len());
             notes.push(format!("{}{others}: labels without a picture, which are not used", alone.display()));
         }
+        let mut note = |text: String| notes.push(format!("{}: {text}", folder.display()));
         let inner = folders_in(&folder.join(FOLDERS[0]))?;
         if inner > 0 {
-            notes.push(format!(
-                "{}: {} inside `pictures` and not read; pictures lie in `pictures` itself, and their labels in `labels`",
-                folder.display(),
+            note(format!(
+                "{} inside `pictures` and not read; pictures lie in `pictures` itself, and their labels in `labels`",
                 if inner == 1 { "a folder is".to_owned() } else { format!("{inner} folders are") }
             ));
         }
@@ -97,25 +96,20 @@ impl LabelledPictures {
         }
         // Labels of the stored pixels often have the same size.
         if let Some(first) = turned.first() {
-            let others =
-                if turned.len() > 1 { format!(" and {} others", turned.len() - 1) } else { String::new() };
-            notes.push(format!(
-                "{}: EXIF turns {first}{others}; labels are taken as those of the turned picture, which the report shows",
-                folder.display()
+            let others = and_others(turned.len());
+            note(format!(
+                "EXIF turns {first}{others}; labels are taken as those of the turned picture, which the report shows"
             ));
         }
         if small > 0 {
-            notes.push(format!("{}: {}", folder.display(), too_small(small, crop)));
+            note(too_small(small, crop));
         }
         let trains = purpose != Purpose::Scores;
         let validated = purpose == Purpose::ValidatedTraining;
         if validated && found.list(List::Validation).is_empty() && !found.take_validation() {
             let training = found.list(List::Training).to_vec();
             *found.list_mut(List::Validation) = training;
-            notes.push(format!(
-                "{}: there is one picture for training, which validation sees, too, and says little",
-                folder.display()
-            ));
+            note("there is one picture for training, which validation sees, too, and says little".to_owned());
         }
         for (list, name, pixels) in
             [(List::Training, "training", &pixels[0]), (List::HeldOut, "scoring", &pixels[1])]
@@ -132,21 +126,16 @@ impl LabelledPictures {
                 return Err(at(format!("all pixels for {name} are ignored"), hint));
             }
             let counted = classes.counted();
-            let absent: Vec<&str> = counted
-                .names()
-                .into_iter()
-                .zip(pixels)
-                .filter(|(_, count)| **count == 0)
-                .map(|(c, _)| c)
-                .collect();
+            let counts = counted.names().into_iter();
+            let absent: Vec<&str> =
+                counts.zip(pixels).filter(|(_, count)| **count == 0).map(|(c, _)| c).collect();
             if !absent.is_empty() {
-                notes.push(format!("{}: no pixel for {name} is of {}", folder.display(), absent.join(", ")));
+                note(format!("no pixel for {name} is of {}", absent.join(", ")));
             }
         }
         if trains && count < PART {
-            notes.push(format!(
-                "{}: there are fewer than {PART} pictures; the last one is held out, and scores on one picture say little about others",
-                folder.display()
+            note(format!(
+                "there are fewer than {PART} pictures; the last one is held out, and scores on one picture say little about others"
             ));
         }
         Ok((found, notes))
@@ -178,15 +167,14 @@ fn checked(
         return Err(labels.wrong(problem, "every pixel of the picture, the right way up, needs one label"));
     }
     let name = format!("{}/{}", FOLDERS[0], picture.file_name().unwrap_or_default().to_string_lossy());
-    let picture = LabelledPicture {
-        path: picture.to_owned(),
-        sequence: name.clone(),
-        name,
-        size,
-        truth: Truth::default(),
-        labels: Some(labels),
-    };
+    let (path, truth) = (picture.to_owned(), Truth::default());
+    let picture = LabelledPicture { path, sequence: name.clone(), name, size, truth, labels: Some(labels) };
     Ok(Checked { picture, is_turned, pixels: pixels_of_classes(&classes) })
+}
+
+/// How many there are beside the first of them, in words.
+fn and_others(count: usize) -> String {
+    if count > 1 { format!(" and {} others", count - 1) } else { String::new() }
 }
 
 /// The folders in this one, without hidden ones. Pictures in them are not read.

@@ -102,32 +102,27 @@ impl LabelledPictures {
         loaded.check_form()?;
         let how = PictureCheck { most_light_bytes: READ_AT_ONCE, remembered: &CheckedPictures::default() };
         let are_decoded = check_pictures_by(&mut loaded, &how, &|_| cancel.check())?;
-        let mut notes: Vec<String> = loaded.defects.lines(folder).collect();
+        let mut notes = Vec::new();
         let data = &loaded.data;
         let objects = data.objects_of_images();
         let sequences = sequences(&data.images);
         let training_part = training_part(&data.images);
         if trains && data.images.iter().all(|image| image.sequence.is_none()) {
-            notes.push(format!(
-                "{}: no picture names its sequence; if pictures for training and for scoring come from one film, scores are better than \
-                 they would be on another",
-                folder.display()
-            ));
+            let said = "no picture names its sequence; if pictures for training and for scoring come from one film, scores are better than \
+                 they would be on another";
+            notes.push(said.to_owned());
         }
         let unnamed = data.images.iter().filter(|image| image.split.is_none()).count();
         if let Some(part) = training_part.filter(|_| trains && unnamed > 0) {
             notes.push(format!(
-                "{}: {unnamed} pictures name no part, and are held out as everything outside the part `{part}` is",
-                folder.display()
+                "{unnamed} pictures name no part, and are held out as everything outside the part `{part}` is"
             ));
         }
-        notes.extend(taken_as(data, classes).map(|note| format!("{}: {note}", folder.display())));
+        notes.extend(taken_as(data, classes));
         let reads = (!are_decoded).then(Arc::default);
         if reads.is_some() {
-            notes.push(format!(
-                "{}: pictures are read when they are needed; a damaged one stops the run then, and `petzval data check` finds it before",
-                folder.display()
-            ));
+            let said = "pictures are read when they are needed; a damaged one stops the run then, and `petzval data check` finds it before";
+            notes.push(said.to_owned());
         }
         let mut found = Self { reads, ..Self::default() };
         let mut small = 0;
@@ -148,7 +143,7 @@ impl LabelledPictures {
             found.list_mut(list).push(LabelledPicture { path, name, sequence, size, truth, labels: None });
         }
         if small > 0 {
-            notes.push(format!("{}: {}", folder.display(), too_small(small, crop)));
+            notes.push(too_small(small, crop));
         }
         let misfit = |problem: String| DatasetError::Labels { path: folder.to_path_buf(), problem };
         for (name, list) in [("training", &found.training), ("scoring", &found.held_out)] {
@@ -165,16 +160,13 @@ impl LabelledPictures {
         }
         if trains && training_part.is_none() && sequences.len() < PART {
             notes.push(format!(
-                "{}: there are fewer than {PART} sequences; the last one is held out, {} pictures, and scores on one sequence say little about others",
-                folder.display(),
+                "there are fewer than {PART} sequences; the last one is held out, {} pictures, and scores on one sequence say little about others",
                 found.held_out.len()
             ));
         }
         if validated && found.validation.is_empty() && !found.take_validation() {
-            notes.push(format!(
-                "{}: all pictures for training are of one sequence, so validation sees pictures that are trained on, and says little",
-                folder.display()
-            ));
+            let said = "all pictures for training are of one sequence, so validation sees pictures that are trained on, and says little";
+            notes.push(said.to_owned());
             found.validation = found.training.clone();
         }
         if [&found.training, &found.held_out].into_iter().flatten().all(|p| p.truth.objects.is_empty()) {
@@ -210,20 +202,19 @@ impl LabelledPictures {
         let shared = found.sequences(List::Training).intersection(&found.sequences(List::HeldOut)).count();
         if shared > 0 {
             notes.push(format!(
-                "{}: pictures of {shared} sequences are in the part for training and in another one; scores on pictures of the same film are \
-                 better than on others",
-                folder.display()
+                "pictures of {shared} sequences are in the part for training and in another one; scores on pictures of the same film are \
+                 better than on others"
             ));
         }
         for (class, [training, held_out]) in class_names.iter().zip(&per_class) {
             if trains && (*training == 0 || *held_out == 0) {
                 notes.push(format!(
-                    "{}: the class `{class}` has {training} boxes of {least_side_px} pixels or more for training and {held_out} for scoring",
-                    folder.display()
+                    "the class `{class}` has {training} boxes of {least_side_px} pixels or more for training and {held_out} for scoring"
                 ));
             }
         }
-        Ok((found, notes))
+        let notes = notes.into_iter().map(|note| format!("{}: {note}", folder.display()));
+        Ok((found, loaded.defects.lines(folder).chain(notes).collect()))
     }
 
     pub(super) fn list_mut(&mut self, list: List) -> &mut Vec<LabelledPicture> {

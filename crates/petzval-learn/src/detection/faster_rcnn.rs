@@ -15,8 +15,7 @@ use super::parameters::Parameters;
 use super::proposals::{ProposalConfig, ProposalNetwork, Proposed};
 use super::pyramid::Pyramid;
 use super::roi_align::RoiAlign;
-use super::{BBox, Detection, Detector, Truth, normalized, seen_sides};
-use crate::loss::image_loss::read_numbers;
+use super::{BBox, Detection, Detector, Truth, named, normalized, seen_sides};
 use crate::loss::{LossError, NamedLoss};
 use crate::network::NetworkError;
 use crate::weight_file::NamedArray;
@@ -159,18 +158,9 @@ impl FasterRcnn {
     pub(super) fn heads(&self, pictures: Tensor<4>) -> Result<Vec<NamedArray>, LossError> {
         let [_, _, height, width] = pictures.dims();
         let seen = self.proposals.look(&self.maps(pictures), seen_sides([height, width]));
-        let ([batch, anchors], [_, _, sides]) = (seen.logits.dims(), seen.offsets.dims());
         Ok(vec![
-            NamedArray::new(
-                "objectness",
-                [batch, anchors],
-                read_numbers(seen.logits, "logits of proposals")?,
-            ),
-            NamedArray::new(
-                "offsets",
-                [batch, anchors, sides],
-                read_numbers(seen.offsets, "boxes of proposals")?,
-            ),
+            named("objectness", seen.logits, "logits of proposals")?,
+            named("offsets", seen.offsets, "boxes of proposals")?,
         ])
     }
 }

@@ -12,7 +12,7 @@ use super::layers::{Conv, ConvShape};
 use super::loss::{binary_cross_entropy, focal, generalised_iou};
 use super::parameters::{Parameters, Start, tensor};
 use super::pyramid::Pyramid;
-use super::{BBox, Detection, Detector, Truth, normalized, seen_sides};
+use super::{BBox, Detection, Detector, Truth, named, normalized, seen_sides};
 use crate::loss::image_loss::read_numbers;
 use crate::loss::{LossError, NamedLoss};
 use crate::network::NetworkError;
@@ -124,14 +124,10 @@ impl Fcos {
             Conv::new(from, &format!("head.{name}"), shape, Start::Normal(0.01), bias)
         };
         let odds = FIRST_PROBABILITY / (1.0 - FIRST_PROBABILITY);
+        let inputs = Backbone::channels(config.backbone);
         Ok(Self {
             body: Backbone::new(config.backbone, from, "backbone.body")?,
-            pyramid: Pyramid::new(
-                from,
-                "backbone.fpn",
-                &Backbone::channels(config.backbone),
-                config.channels,
-            )?,
+            pyramid: Pyramid::new(from, "backbone.fpn", &inputs, config.channels)?,
             class_tower: tower("class_tower")?,
             box_tower: tower("box_tower")?,
             logits: last("logits", config.classes, odds.ln())?,
@@ -164,24 +160,11 @@ impl Fcos {
     /// See [`AnyDetector::heads`](super::AnyDetector::heads).
     pub(super) fn heads(&self, pictures: Tensor<4>) -> Result<Vec<NamedArray>, LossError> {
         let seen = self.seen(pictures);
-        let [batch, places, classes] = seen.logits.dims();
-        let sides = seen.distances.dims()[2];
+        let [batch, places, _] = seen.logits.dims();
         Ok(vec![
-            NamedArray::new(
-                "logits",
-                [batch, places, classes],
-                read_numbers(seen.logits, "scores of objects")?,
-            ),
-            NamedArray::new(
-                "distances",
-                [batch, places, sides],
-                read_numbers(seen.distances, "boxes of objects")?,
-            ),
-            NamedArray::new(
-                "centredness",
-                [batch, places],
-                read_numbers(seen.centredness, "scores of objects")?,
-            ),
+            named("logits", seen.logits, "scores of objects")?,
+            named("distances", seen.distances, "boxes of objects")?,
+            named("centredness", seen.centredness.reshape([batch, places]), "scores of objects")?,
         ])
     }
 

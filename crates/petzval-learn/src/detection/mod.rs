@@ -50,7 +50,9 @@ use petzval_camera::image::LinearImage;
 use petzval_camera::tape::on_device;
 use serde::{Deserialize, Serialize};
 
+use crate::loss::image_loss::read_numbers;
 use crate::loss::{LossError, NamedLoss};
+use crate::weight_file::NamedArray;
 
 /// An object that is to be found.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -152,6 +154,12 @@ pub fn detect_in(
     device: &Device,
 ) -> Result<Vec<Detection>, LossError> {
     Ok(detector.detect(on_device(encoded, device))?.swap_remove(0))
+}
+
+/// The numbers of a tensor under a name. The error says `what` is not a number.
+fn named<const D: usize>(name: &str, values: Tensor<D>, what: &'static str) -> Result<NamedArray, LossError> {
+    let shape = values.dims();
+    Ok(NamedArray::new(name, shape, read_numbers(values, what)?))
 }
 
 /// Mean and standard deviation of the pictures on which backbones of torchvision were trained (R, G, B).

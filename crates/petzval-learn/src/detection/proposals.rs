@@ -123,12 +123,8 @@ impl ProposalNetwork {
         }
         let logits = Tensor::cat(logits, 1);
         let [batch, all, _] = logits.dims();
-        Proposed {
-            logits: logits.reshape([batch, all]),
-            offsets: Tensor::cat(offsets, 1),
-            anchors,
-            per_level,
-        }
+        let (logits, offsets) = (logits.reshape([batch, all]), Tensor::cat(offsets, 1));
+        Proposed { logits, offsets, anchors, per_level }
     }
 
     /// The proposals of each picture, best first. No gradient goes through them.

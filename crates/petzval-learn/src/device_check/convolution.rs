@@ -253,10 +253,8 @@ impl PullBack<'_> {
 }
 
 fn host<const D: usize>(tensor: Tensor<D>) -> Result<Vec<f32>, String> {
-    tensor
-        .into_data()
-        .try_to_vec::<f32>()
-        .map_err(|e| format!("the values of the device cannot be read: {e:?}"))
+    let values = tensor.into_data().try_to_vec::<f32>();
+    values.map_err(|e| format!("the values of the device cannot be read: {e:?}"))
 }
 
 #[cfg(test)]

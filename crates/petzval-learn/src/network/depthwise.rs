@@ -32,11 +32,12 @@ pub fn depthwise(x: Tensor<4>, weight: Tensor<3>, bias: Tensor<1>) -> Tensor<4> 
     assert_eq!([channels, rows], [kernels, columns], "depthwise: kernel does not fit the input");
     assert_eq!([channels], bias.dims(), "depthwise: one bias per channel");
     assert!(rows % 2 == 1 && rows <= 15, "depthwise: kernel {rows} is not odd or above 15");
+    let (kind, kernel) = (ConvolutionKind::Depthwise, [rows, columns]);
     convolution::note(Convolution {
-        kind: ConvolutionKind::Depthwise,
+        kind,
         input: x.dims(),
         outputs: channels,
-        kernel: [rows, columns],
+        kernel,
         step: 1,
         border: rows / 2,
     });
@@ -103,14 +104,8 @@ impl Kernel for Depthwise {
                         let weights = &weight.values[plane % channels * taps..][..taps];
                         let rotated: Vec<f32> = weights.iter().rev().copied().collect();
                         let weights = &rotated[..];
-                        Arch::new().dispatch(CorrelatePlane {
-                            x: pulled,
-                            shape,
-                            lines,
-                            weights,
-                            bias: 0.0,
-                            out,
-                        });
+                        let plane = CorrelatePlane { x: pulled, shape, lines, weights, bias: 0.0, out };
+                        Arch::new().dispatch(plane);
                     }
                     if !wants_weight {
                         return Vec::new();

@@ -159,12 +159,8 @@ impl OpticsProxy {
         let slope = f64::from(SLOPE);
         let hidden = leaky_relu(self.first.forward(inputs), slope);
         let hidden = leaky_relu(self.second.forward(hidden), slope);
-        let [picture, light] = self
-            .third
-            .forward(hidden)
-            .split_with_sizes(vec![COLOURS * SMALL * SMALL, COLOURS], 1)
-            .try_into()
-            .expect("two parts");
+        let parts = self.third.forward(hidden).split_with_sizes(vec![COLOURS * SMALL * SMALL, COLOURS], 1);
+        let [picture, light] = parts.try_into().expect("two parts");
         let convolved = |layers: &[LeakyConv], x| layers.iter().fold(x, |x, conv| conv.forward(x));
         let x = convolved(&self.coarse, picture.reshape([batch, COLOURS, SMALL, SMALL]));
         let x = convolved(&self.middle, self.to_middle.forward(x));

@@ -68,13 +68,8 @@ impl Correction for UNet {
 
 impl Correction for Naf {
     fn init(base_channels: usize, levels: usize, seed: u64, device: &Device) -> Result<Self, NetworkError> {
-        let config = NafConfig {
-            base_channels,
-            levels,
-            in_channels: IN_CHANNELS,
-            out_channels: OUT_CHANNELS,
-            ..NafConfig::default()
-        };
+        let (in_channels, out_channels) = (IN_CHANNELS, OUT_CHANNELS);
+        let config = NafConfig { base_channels, levels, in_channels, out_channels, ..NafConfig::default() };
         config.init(seed, device)
     }
 

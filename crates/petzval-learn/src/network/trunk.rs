@@ -50,8 +50,8 @@ impl Trunk {
         let bottom = pair(channels(levels - 1), channels(levels), channels(levels - 1));
         let decoder = (0..levels)
             .rev()
-            .map(|level| pair(2 * channels(level), channels(level), channels(level.saturating_sub(1))))
-            .collect();
+            .map(|level| pair(2 * channels(level), channels(level), channels(level.saturating_sub(1))));
+        let decoder = decoder.collect();
         Self { encoder, bottom, decoder }
     }
 

@@ -103,6 +103,11 @@ pub struct ScoreDescription {
 }
 
 impl ScoreDescription {
+    /// The description of a share of what could be right.
+    fn of_share(name: String, title: String, definition: String) -> Self {
+        Self { name, title, unit: String::new(), definition, decimals: 4, higher_is_better: true }
+    }
+
     /// The description of a score.
     pub fn of(score: &dyn Score) -> Self {
         Self {

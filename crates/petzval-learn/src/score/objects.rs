@@ -89,14 +89,6 @@ const SURE: f64 = 0.5;
 
 /// Everything that is known to be computed, for the classes of a task.
 pub fn object_scores(classes: &[&str]) -> Vec<ObjectScore> {
-    let about = |name: String, title: String, definition: String| ScoreDescription {
-        name,
-        title,
-        unit: String::new(),
-        definition,
-        decimals: 4,
-        higher_is_better: true,
-    };
     let at = |overlap: f64| {
         [
             format!("average precision at an overlap of {overlap} (COCO, 101 points), the mean over classes"),
@@ -137,7 +129,7 @@ pub fn object_scores(classes: &[&str]) -> Vec<ObjectScore> {
     for (name, title, [of_all, of_one], overlaps) in overlaps {
         let mut add = |name: String, title: String, definition: String, objects| {
             all.push(ObjectScore {
-                about: about(name, title, definition),
+                about: ScoreDescription::of_share(name, title, definition),
                 kind: Kind::Ap(overlaps, objects),
             });
         };
@@ -160,7 +152,7 @@ pub fn object_scores(classes: &[&str]) -> Vec<ObjectScore> {
         _ => Some(("class_accuracy", "class", of_found("objects", "class"))),
     };
     all.extend(confusion.map(|(name, title, definition)| ObjectScore {
-        about: about(name.into(), title.into(), definition),
+        about: ScoreDescription::of_share(name.into(), title.into(), definition),
         kind: Kind::Confusion,
     }));
     all

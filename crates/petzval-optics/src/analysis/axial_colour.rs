@@ -49,25 +49,22 @@ pub fn axial_colour(lens: &Lens) -> AxialColour {
 pub fn longitudinal_aberration(lens: &Lens, options: &AnalysisOptions) -> LongitudinalAberration {
     let pupil = evenly(0.0, 1.0, options.fan_points.max(3));
     let stop = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm;
-    let crossing_mm = lens
-        .wavelengths_um
-        .iter()
-        .map(|w| {
-            let sequence = lens.at_wavelength(*w);
-            let image = |p: f64| {
-                let at = aim_one(&sequence, 0.0, stop, [0.0, p])?;
-                trace_ray(&sequence, launch(&sequence, 0.0, at).ray).image
-            };
-            let chief = image(0.0);
-            let crossing = |p: f64| {
-                // The ray at zero height lies on the axis: use a neighbouring ray for its crossing.
-                let (ray, chief) = (image(p.max(1e-4))?, chief?);
-                let slope = |r: crate::trace::Ray| r.direction[1] / r.direction[2];
-                let apart = ray.position[1] - chief.position[1];
-                Some(-apart / (slope(ray) - slope(chief))).filter(|z| z.is_finite())
-            };
-            pupil.iter().map(|p| crossing(*p)).collect()
-        })
-        .collect();
+    let crossing_mm = lens.wavelengths_um.iter().map(|w| {
+        let sequence = lens.at_wavelength(*w);
+        let image = |p: f64| {
+            let at = aim_one(&sequence, 0.0, stop, [0.0, p])?;
+            trace_ray(&sequence, launch(&sequence, 0.0, at).ray).image
+        };
+        let chief = image(0.0);
+        let crossing = |p: f64| {
+            // The ray at zero height lies on the axis: use a neighbouring ray for its crossing.
+            let (ray, chief) = (image(p.max(1e-4))?, chief?);
+            let slope = |r: crate::trace::Ray| r.direction[1] / r.direction[2];
+            let apart = ray.position[1] - chief.position[1];
+            Some(-apart / (slope(ray) - slope(chief))).filter(|z| z.is_finite())
+        };
+        pupil.iter().map(|p| crossing(*p)).collect()
+    });
+    let crossing_mm = crossing_mm.collect();
     LongitudinalAberration { pupil, crossing_mm }
 }

@@ -5,6 +5,7 @@ use crate::lens::Lens;
 use crate::paraxial::first_order;
 use crate::pupil::{Beam, ImageArea, Quadrature, chief_ray, trace_beam};
 use crate::trace::Sequence;
+use crate::wave::WaveChannel;
 
 /// A field of a lens: its chief ray, and the lens at every wavelength.
 pub(super) struct LensAtField<'a> {
@@ -51,6 +52,11 @@ impl<'a> LensAtField<'a> {
                 }
             })
             .collect()
+    }
+
+    /// The wave of a colour, with the polynomials of another colour where they hold; `None` where none describe it.
+    pub fn wave(&self, colour: &Sequence, like: Option<&WaveChannel>) -> Option<WaveChannel> {
+        WaveChannel::new(colour, self.field_rad, self.stop_radius_mm, self.chief_mm, 0.0, like)
     }
 
     /// Radius of the first dark ring of a perfect image with the cone of the axis, at the reference wavelength, um.

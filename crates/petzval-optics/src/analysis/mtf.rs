@@ -141,15 +141,7 @@ impl Landing {
 fn waves(field: &LensAtField) -> Option<Vec<WaveChannel>> {
     let mut channels: Vec<WaveChannel> = Vec::new();
     for colour in &field.colours {
-        let channel = WaveChannel::new(
-            colour,
-            field.field_rad,
-            field.stop_radius_mm,
-            field.chief_mm,
-            0.0,
-            channels.last(),
-        )?;
-        channels.push(channel);
+        channels.push(field.wave(colour, channels.last())?);
     }
     Some(channels)
 }
@@ -227,12 +219,8 @@ pub fn mtf_by_field(lens: &Lens, options: &AnalysisOptions) -> Result<MtfByField
             })
             .collect()
     };
-    Ok(MtfByField {
-        geometric: over_fields(&geometric),
-        diffraction: diffraction.as_deref().map(over_fields),
-        field_deg,
-        frequency_per_mm,
-    })
+    let diffraction = diffraction.as_deref().map(over_fields);
+    Ok(MtfByField { geometric: over_fields(&geometric), diffraction, field_deg, frequency_per_mm })
 }
 
 /// Modulation of a field over focus at one frequency.

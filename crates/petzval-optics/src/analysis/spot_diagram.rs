@@ -58,22 +58,17 @@ pub fn spot_diagram(
     let field = LensAtField::new(lens, field_deg)?;
     let points = hexapolar(options.spot_rings.max(1));
     let [x, y] = field.chief_mm;
-    let points_um: Vec<Vec<[f64; 2]>> = field
-        .colours
-        .iter()
-        .map(|colour| {
-            let aimed = aim_at_pupil(colour, field.field_rad, field.stop_radius_mm, &points, None);
-            let mut rays = aimed.bundle(colour);
-            trace(colour, &mut rays);
-            let passes = |i: &usize| rays.fate(*i).reaches_image() && rays.transmission(*i) > 0.5;
-            let place = |i: usize| rays.ray(i).position;
-            (0..points.len())
-                .filter(passes)
-                .map(place)
-                .map(|p| [1e3 * (p[0] - x), 1e3 * (p[1] - y)])
-                .collect()
-        })
-        .collect();
+    let points_um = field.colours.iter().map(|colour| {
+        let aimed = aim_at_pupil(colour, field.field_rad, field.stop_radius_mm, &points, None);
+        let mut rays = aimed.bundle(colour);
+        trace(colour, &mut rays);
+        let passes = |i: &usize| rays.fate(*i).reaches_image() && rays.transmission(*i) > 0.5;
+        let place = |i: usize| rays.ray(i).position;
+        let passing =
+            (0..points.len()).filter(passes).map(place).map(|p| [1e3 * (p[0] - x), 1e3 * (p[1] - y)]);
+        passing.collect()
+    });
+    let points_um: Vec<Vec<[f64; 2]>> = points_um.collect();
     let radii = spot(lens, field.field_rad, &pupil(options.pupil_cells))
         .ok_or(AnalysisError::NoLight { field_deg })?;
     let centroid_um = [1e3 * (radii.centroid_x_mm - x), 1e3 * (radii.centroid_y_mm - y)];

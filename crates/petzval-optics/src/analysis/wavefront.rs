@@ -81,14 +81,7 @@ pub fn wavefront(lens: &Lens, field_deg: f64) -> Result<Wavefront, AnalysisError
         let rest = zernike.as_ref().map(|c| rms(&left_over(&points, &waves, c), &shares));
         found.zernike_residual_waves.push(rest);
         found.zernike_waves.push(zernike);
-        let channel = WaveChannel::new(
-            colour,
-            field.field_rad,
-            field.stop_radius_mm,
-            field.chief_mm,
-            0.0,
-            like.as_ref(),
-        );
+        let channel = field.wave(colour, like.as_ref());
         found.strehl.push(channel.as_ref().map(WaveChannel::strehl));
         like = channel.or(like);
     }

@@ -88,13 +88,8 @@ impl SmoothSpace {
             let is_inside = value >= v.min - slack && value <= v.max + slack || at >= low && at <= high;
             if !is_inside {
                 let Variable { surface, number, min, max } = *v;
-                return Err(DesignSpaceError::OutsideBounds {
-                    surface: surface + 1,
-                    number,
-                    value,
-                    min,
-                    max,
-                });
+                let surface = surface + 1;
+                return Err(DesignSpaceError::OutsideBounds { surface, number, value, min, max });
             }
         }
         let mut maps: Vec<SmoothMap> = space.variables().iter().map(SmoothMap::of).collect();

@@ -266,10 +266,8 @@ impl DesignSpace {
             // What is held stays, so the solved curvature moves against the others.
             let by_number = |n: usize| held[self.numbers[n]];
             for c in 0..coordinates {
-                let others: f64 = (0..self.numbers.len())
-                    .filter(|n| *n != solved)
-                    .map(|n| by_number(n) * slopes[(n, c)])
-                    .sum();
+                let others = (0..self.numbers.len()).filter(|n| *n != solved);
+                let others: f64 = others.map(|n| by_number(n) * slopes[(n, c)]).sum();
                 slopes[(solved, c)] = -others / by_number(solved);
             }
         }

@@ -107,14 +107,11 @@ fn aspheric(lens: &Lens, surface: usize) -> Vec<Variable> {
     let terms = shape.asphere.iter().enumerate().map(|(i, a)| (Number::Asphere(i), *a));
     let departures = shape.departure.numbers().into_iter().enumerate();
     let departures = departures.map(|(k, value)| (Number::Departure(k), value));
-    let mut found: Vec<Variable> = terms
-        .chain(departures)
-        .filter(|(_, value)| *value != 0.0)
-        .map(|(number, value)| {
-            let reach = COEFFICIENT * value.abs();
-            Variable { surface, number, min: value - reach, max: value + reach }
-        })
-        .collect();
+    let found = terms.chain(departures).filter(|(_, value)| *value != 0.0).map(|(number, value)| {
+        let reach = COEFFICIENT * value.abs();
+        Variable { surface, number, min: value - reach, max: value + reach }
+    });
+    let mut found: Vec<Variable> = found.collect();
     let is_asphere = shape.conic != 0.0 || !found.is_empty();
     // With a conic constant too large, a steep surface ends within its clear edge.
     let reaches_edge = |conic: f64| (1.0 + conic) * (shape.curvature * semi_mm).powi(2) < 0.95;

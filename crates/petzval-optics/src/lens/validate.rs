@@ -277,12 +277,8 @@ fn check_gap(
         return Err(if front.glass.is_air() {
             LensDefect::AirGap { surface, next, gap_mm, height_mm }
         } else {
-            LensDefect::EdgeThickness {
-                surface,
-                glass: front.glass.name.clone(),
-                thickness_mm: gap_mm,
-                height_mm,
-            }
+            let glass = front.glass.name.clone();
+            LensDefect::EdgeThickness { surface, glass, thickness_mm: gap_mm, height_mm }
         });
     }
     Ok(())

@@ -80,7 +80,9 @@ pub trait Merit: Send + Sync {
     fn unit(&self) -> &str;
 
     /// Which way it is good.
-    fn better(&self) -> Better;
+    fn better(&self) -> Better {
+        Better::Lower
+    }
 
     /// Its value; `None` if the lens has none, because rays are lost.
     fn value(&self, lens: &Lens) -> Option<f64>;

@@ -109,10 +109,9 @@ impl Mtf {
             // d|O| = (Re O dRe O + Im O dIm O) / |O|
             let bars =
                 transfer.map(|o| if o.norm() > 0.0 { 0.5 * share * o / o.norm() } else { Complex64::ZERO });
-            let by_beam: Vec<_> = beams
-                .iter()
-                .map(|(sequence, overlap)| overlap.pull_back(sequence, bars, &mut gradient))
-                .collect();
+            let by_beam =
+                beams.iter().map(|(sequence, overlap)| overlap.pull_back(sequence, bars, &mut gradient));
+            let by_beam: Vec<_> = by_beam.collect();
             rays.pull_back(by_beam.into_iter(), &mut gradient);
         }
         value.is_finite().then_some((value, gradient))

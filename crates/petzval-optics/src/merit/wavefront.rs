@@ -1,6 +1,6 @@
 //! The RMS wavefront error as a merit.
 
-use super::{Better, FieldRays, FieldSet, Merit};
+use super::{FieldRays, FieldSet, Merit};
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::wave::SampledWave;
@@ -49,10 +49,9 @@ impl RmsWavefront {
         let mean_square = share * (sum(&|b| moments[b].variance) - along);
         let mut gradient = LensGradient::zero(lens.surfaces.len());
         if with_gradient {
-            let by_beam: Vec<_> = beams
-                .iter()
-                .map(|(sequence, wave)| wave.pull_back(sequence, shift_mm, share, &mut gradient))
-                .collect();
+            let by_beam =
+                beams.iter().map(|(sequence, wave)| wave.pull_back(sequence, shift_mm, share, &mut gradient));
+            let by_beam: Vec<_> = by_beam.collect();
             rays.pull_back(by_beam.into_iter(), &mut gradient);
         }
         mean_square.is_finite().then_some((mean_square, gradient))
@@ -75,10 +74,6 @@ impl Merit for RmsWavefront {
 
     fn unit(&self) -> &str {
         "waves"
-    }
-
-    fn better(&self) -> Better {
-        Better::Lower
     }
 
     fn value(&self, lens: &Lens) -> Option<f64> {

@@ -69,13 +69,14 @@ impl DescentProgress {
 
     /// What is needed to go on from here.
     pub fn state(&self) -> DescentState {
+        let (at, landings) = (self.at.clone(), self.best.landings().clone());
         DescentState {
-            at: self.at.clone(),
+            at,
             iterations: self.iterations,
             stop: None,
             damping: self.damping,
             calm: self.calm,
-            landings: self.best.landings().clone(),
+            landings,
         }
     }
 }

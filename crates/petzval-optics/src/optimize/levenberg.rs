@@ -192,13 +192,8 @@ fn go_down(
         let Some((analysis, next, tried)) = found else { return Some(Descent::new(progress, Stop::Stuck)) };
         let gain = 1.0 - (analysis.merit / progress.best.merit).sqrt();
         let calm = if gain < options.tolerance { progress.calm + 1 } else { 0 };
-        progress = DescentProgress {
-            best: analysis,
-            at: next,
-            iterations: progress.iterations + 1,
-            damping: tried,
-            calm,
-        };
+        let iterations = progress.iterations + 1;
+        progress = DescentProgress { best: analysis, at: next, iterations, damping: tried, calm };
         if calm == CALM_ITERATIONS {
             watch(&progress);
             return Some(Descent::new(progress, Stop::Converged));

@@ -368,11 +368,8 @@ impl<'a> DenseMap<'a> {
                 weight += light * others * edge.by_radius * (radius - change.semi_diameters[k]);
             }
         }
-        PointsTangent {
-            x: change.x.at(row, p_x, at),
-            y: change.y.at(row, p_x, at),
-            weight: weight * points.share,
-        }
+        let weight = weight * points.share;
+        PointsTangent { x: change.x.at(row, p_x, at), y: change.y.at(row, p_x, at), weight }
     }
 
     /// Cotangents of the map's coefficients.

@@ -248,10 +248,8 @@ impl PupilSamples {
             .enumerate()
             .map(|(i, (projection, by))| {
                 let sign = (xx[i] * yy[i] - xy[i] * yx[i]).signum();
-                let jacobian = determinant_change(
-                    [[xx[i], xy[i]], [yx[i], yy[i]]],
-                    [&x, &y].map(|row| [row[0][i], row[1][i]]),
-                );
+                let moved = [&x, &y].map(|row| [row[0][i], row[1][i]]);
+                let jacobian = determinant_change([[xx[i], xy[i]], [yx[i], yy[i]]], moved);
                 let projected = by[0] * rays.launch_mm[0][i] + by[1] * rays.launch_mm[1][i];
                 sign * jacobian / area * projection + self.light[i] * (projected / projection - by_area)
             })

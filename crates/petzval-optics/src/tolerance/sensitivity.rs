@@ -151,10 +151,6 @@ fn estimate(study: &Study, derivatives: &[f64], ends: &[[Option<End>; 2]]) -> Op
         Better::Lower => squares.sqrt(),
         Better::Higher => -squares.sqrt(),
     };
-    Some(Estimate {
-        root_sum_square: nominal + worse,
-        linear_spread: linear.sqrt(),
-        mean,
-        standard_deviation,
-    })
+    let root_sum_square = nominal + worse;
+    Some(Estimate { root_sum_square, linear_spread: linear.sqrt(), mean, standard_deviation })
 }

@@ -207,47 +207,44 @@ impl Sequence {
     /// Evaluates every index of the lens at the wavelength.
     pub fn new(lens: &Lens, wavelength_um: f64) -> Self {
         let mut n_before = 1.0_f64;
-        let surfaces = lens
-            .surfaces
-            .iter()
-            .map(|s| {
-                let n_after = match s.action {
-                    Action::Reflect => -n_before,
-                    _ => s.glass.index(wavelength_um).copysign(n_before),
-                };
-                let bending = match (s.action, s.phase) {
-                    (Action::ThinLens { power_per_mm }, _) => Bending::ThinLens { power_per_mm },
-                    (_, None) => Bending::Snell,
-                    (_, Some(phase)) => {
-                        let per_number = phase.path_per_number(wavelength_um);
-                        let numbers = phase.numbers();
-                        let mut radial = [0.0; PHASE_TERMS];
-                        for ((r, a), by) in radial.iter_mut().zip(numbers).zip(per_number) {
-                            *r = a * by;
-                        }
-                        let is_grating = matches!(phase.pattern, Pattern::Grating { .. });
-                        let (along_y, radial) =
-                            if is_grating { (radial[0], [0.0; PHASE_TERMS]) } else { (0.0, radial) };
-                        Bending::Path { along_y, radial, is_grating, per_number }
+        let surfaces = lens.surfaces.iter().map(|s| {
+            let n_after = match s.action {
+                Action::Reflect => -n_before,
+                _ => s.glass.index(wavelength_um).copysign(n_before),
+            };
+            let bending = match (s.action, s.phase) {
+                (Action::ThinLens { power_per_mm }, _) => Bending::ThinLens { power_per_mm },
+                (_, None) => Bending::Snell,
+                (_, Some(phase)) => {
+                    let per_number = phase.path_per_number(wavelength_um);
+                    let numbers = phase.numbers();
+                    let mut radial = [0.0; PHASE_TERMS];
+                    for ((r, a), by) in radial.iter_mut().zip(numbers).zip(per_number) {
+                        *r = a * by;
                     }
-                };
-                let surface = SurfaceAtWavelength {
-                    shape: s.shape,
-                    is_conic: s.shape.is_conic(),
-                    terms: s.shape.asphere.iter().rposition(|a| *a != 0.0).map_or(0, |last| last + 1),
-                    n_before,
-                    n_after,
-                    thickness_mm: s.thickness_mm,
-                    semi_diameter_mm: s.semi_diameter_mm,
-                    is_general: s.shape.departure != Departure::None || !matches!(bending, Bending::Snell),
-                    reflects: s.action == Action::Reflect,
-                    bending,
-                    frame: s.placement.map(Frame::new),
-                };
-                n_before = n_after;
-                surface
-            })
-            .collect();
+                    let is_grating = matches!(phase.pattern, Pattern::Grating { .. });
+                    let (along_y, radial) =
+                        if is_grating { (radial[0], [0.0; PHASE_TERMS]) } else { (0.0, radial) };
+                    Bending::Path { along_y, radial, is_grating, per_number }
+                }
+            };
+            let surface = SurfaceAtWavelength {
+                shape: s.shape,
+                is_conic: s.shape.is_conic(),
+                terms: s.shape.asphere.iter().rposition(|a| *a != 0.0).map_or(0, |last| last + 1),
+                n_before,
+                n_after,
+                thickness_mm: s.thickness_mm,
+                semi_diameter_mm: s.semi_diameter_mm,
+                is_general: s.shape.departure != Departure::None || !matches!(bending, Bending::Snell),
+                reflects: s.action == Action::Reflect,
+                bending,
+                frame: s.placement.map(Frame::new),
+            };
+            n_before = n_after;
+            surface
+        });
+        let surfaces = surfaces.collect();
         Self {
             surfaces,
             stop: lens.stop,

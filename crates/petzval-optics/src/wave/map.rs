@@ -194,13 +194,10 @@ impl WaveMap {
         let relative: Vec<f64> = paths.iter().map(|p| p - path_origin_mm).collect();
         let points = sides.points(&basis.samples);
         let [p_x, p_y]: [Vec<f64>; 2] = [0, 1].map(|axis| points.iter().map(|p| p[axis]).collect());
-        let heights = samples
-            .heights
-            .iter()
-            .map(|h| {
-                (h.surface, sequence.surfaces[h.surface].semi_diameter_mm, even.fit(&h.values[..q.len()]))
-            })
-            .collect();
+        let heights = samples.heights.iter().map(|h| {
+            (h.surface, sequence.surfaces[h.surface].semi_diameter_mm, even.fit(&h.values[..q.len()]))
+        });
+        let heights = heights.collect();
         Some(Self {
             path: even.fit(&relative),
             density: even.fit(&density),
@@ -301,16 +298,12 @@ impl WaveMap {
         if inside == 0.0 {
             return;
         }
-        let edges: Vec<(f64, f64, f64)> = self
-            .heights
-            .iter()
-            .zip(&row.heights)
-            .map(|((_, semi, _), row)| {
-                let r = fit::at(row, q_x).max(1e-24).sqrt();
-                let (through, by) = aperture_transmission(r, *semi);
-                (through, by, r)
-            })
-            .collect();
+        let edges = self.heights.iter().zip(&row.heights).map(|((_, semi, _), row)| {
+            let r = fit::at(row, q_x).max(1e-24).sqrt();
+            let (through, by) = aperture_transmission(r, *semi);
+            (through, by, r)
+        });
+        let edges: Vec<(f64, f64, f64)> = edges.collect();
         let others = |skip: usize| {
             edges.iter().enumerate().filter(|(k, _)| *k != skip).map(|(_, e)| e.0).product::<f64>()
         };
@@ -319,11 +312,8 @@ impl WaveMap {
         // Turn the cotangent of the energy into one of the light, and divide that of the amplitude by the slant.
         let per_slant = 1.0 / self.slant(row.q_y, q_x).sqrt();
         let root = density.sqrt();
-        let bar = WavePointBar {
-            amplitude: bar.amplitude * per_slant,
-            light: bar.light + bar.energy * per_slant * per_slant,
-            ..bar
-        };
+        let light = bar.light + bar.energy * per_slant * per_slant;
+        let bar = WavePointBar { amplitude: bar.amplitude * per_slant, light, ..bar };
         // Add the cotangents of path, density, rim and apertures.
         fit::add_moments(&mut row_bar.path, bar.path, q_x);
         let share = inside * all;

@@ -172,10 +172,9 @@ impl Overlap {
             [0, 1].map(|k| {
                 let turn = |cosine: f64| per_mm * self.map.sphere.further(cosine, *dz).0;
                 let sum_of = |pairs: &Vec<Product>| -> Complex64 {
-                    pairs
-                        .iter()
-                        .map(|p| p.value * Complex64::cis(turn(p.cosine[0]) - turn(p.cosine[1])))
-                        .sum()
+                    let waves =
+                        pairs.iter().map(|p| p.value * Complex64::cis(turn(p.cosine[0]) - turn(p.cosine[1])));
+                    waves.sum()
                 };
                 let mut sum = (1.0 - towards) * sum_of(&ends[0][k]) + towards * sum_of(&ends[1][k]);
                 if k == 0 && self.is_half() {
@@ -237,11 +236,8 @@ impl Overlap {
                         return;
                     }
                     let along = wave_bar * copy.wave.conj() / size;
-                    let bar = WavePointBar {
-                        amplitude: along.re,
-                        path: self.wavenumber * size * along.im,
-                        ..WavePointBar::default()
-                    };
+                    let path = self.wavenumber * size * along.im;
+                    let bar = WavePointBar { amplitude: along.re, path, ..WavePointBar::default() };
                     self.map.pull_back_point(copy.row, copy.q_x, self.soft(), bar, row_bar, &mut sums);
                 };
                 let [sagittal, tangential] = self.pairs(&rows, i, 1.0);

@@ -126,14 +126,8 @@ impl SampledWave {
                     light: per_light * (r * r - variance),
                     ..WavePointBar::default()
                 };
-                self.map.pull_back_point(
-                    &row,
-                    coordinate(node.place[0]),
-                    SOFT,
-                    point,
-                    &mut row_bar,
-                    &mut sums,
-                );
+                let q_x = coordinate(node.place[0]);
+                self.map.pull_back_point(&row, q_x, SOFT, point, &mut row_bar, &mut sums);
             }
             self.map.pull_back_row(&row_bar, q_y, &mut sums);
         }

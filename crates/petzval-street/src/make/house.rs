@@ -37,11 +37,8 @@ pub(crate) fn house(
     ));
     if rng.random_bool(0.6) {
         // A cornice along the edge of the roof.
-        b.block(
-            [0.0, height_m, -deep],
-            [half + 0.12, rng.random_range(0.12..0.3), deep + 0.25],
-            trim.clone(),
-        );
+        let high = rng.random_range(0.12..0.3);
+        b.block([0.0, height_m, -deep], [half + 0.12, high, deep + 0.25], trim.clone());
     }
     if rng.random_bool(0.45) {
         // A pitched roof.
@@ -61,11 +58,8 @@ pub(crate) fn house(
             ],
             tiles,
         );
-        b.block(
-            [half * rng.random_range(-0.7..0.7), height_m + rise, -0.8 * deep],
-            [0.3, 0.7, 0.4],
-            trim.clone(),
-        );
+        let x = half * rng.random_range(-0.7..0.7);
+        b.block([x, height_m + rise, -0.8 * deep], [0.3, 0.7, 0.4], trim.clone());
     }
     if rng.random_bool(0.3) {
         // Balconies.
@@ -87,12 +81,8 @@ pub(crate) fn house(
         let kind = rng.random_range(0..1000);
         let sign = Material::Sign { ground: surface_colour(rng), figure: surface_colour(rng), kind };
         let x = half * rng.random_range(-0.9..0.9);
-        b.turned_block(
-            [x, rng.random_range(2.7..4.2), 0.5],
-            [0.4, 0.3, 0.05],
-            std::f64::consts::FRAC_PI_2,
-            sign,
-        );
+        let centre = [x, rng.random_range(2.7..4.2), 0.5];
+        b.turned_block(centre, [0.4, 0.3, 0.05], std::f64::consts::FRAC_PI_2, sign);
     }
     b.finish(id, None).on_ground([half, 0.3], 0.45, 0.6)
 }

@@ -82,20 +82,9 @@ pub(crate) fn person(
         let bare_shin = matches!(outfit, Outfit::Shorts | Outfit::Skirt | Outfit::Dress);
         let bare_thigh = matches!(outfit, Outfit::Skirt | Outfit::Dress);
         let (thick, loose) = if bare_shin { (0.05, 0.036) } else { (0.058, 0.05) };
-        b.limb(
-            top,
-            knee,
-            [0.085 * girth, (thick + 0.008) * girth],
-            1.0,
-            if bare_thigh { bare.clone() } else { lower.clone() },
-        );
-        b.limb(
-            knee,
-            ankle,
-            [thick * girth, loose * girth],
-            1.0,
-            if bare_shin { bare.clone() } else { lower.clone() },
-        );
+        let [thigh, shin] = [bare_thigh, bare_shin].map(|is_bare| if is_bare { &bare } else { &lower });
+        b.limb(top, knee, [0.085 * girth, (thick + 0.008) * girth], 1.0, thigh.clone());
+        b.limb(knee, ankle, [thick * girth, loose * girth], 1.0, shin.clone());
         b.limb(ankle - vec3(0.0, 0.012, 0.02), toe, [0.042, 0.031], 1.0, shoe.clone());
     }
 
@@ -143,13 +132,8 @@ pub(crate) fn person(
 
     // Neck, head, hair or hat.
     let middle = height - head;
-    b.limb(
-        vec3(0.0, shoulder - 0.05, lean),
-        vec3(0.0, middle - 0.3 * head, 1.3 * lean),
-        [0.058 * girth, 0.05 * girth],
-        1.0,
-        bare.clone(),
-    );
+    let (neck, chin) = (vec3(0.0, shoulder - 0.05, lean), vec3(0.0, middle - 0.3 * head, 1.3 * lean));
+    b.limb(neck, chin, [0.058 * girth, 0.05 * girth], 1.0, bare.clone());
     b.ball([0.0, middle, 0.02 + lean], [0.74 * head, head, 0.84 * head], bare);
     let hair = Material::Plain { albedo: hair_colour(rng), gloss: 0.01 };
     match rng.random_range(0..10) {
@@ -159,18 +143,10 @@ pub(crate) fn person(
             hair,
         ),
         6 | 7 => {
-            b.ball(
-                [0.0, middle + 0.13 * head, lean - 0.14 * head],
-                [0.84 * head, 0.93 * head, 0.88 * head],
-                hair.clone(),
-            );
-            b.limb(
-                vec3(0.0, middle, lean - 0.05),
-                vec3(0.0, middle - 1.9 * head, lean - 0.1),
-                [0.68 * head, 0.4 * head],
-                0.6,
-                hair,
-            );
+            let centre = [0.0, middle + 0.13 * head, lean - 0.14 * head];
+            b.ball(centre, [0.84 * head, 0.93 * head, 0.88 * head], hair.clone());
+            let (top, tip) = (vec3(0.0, middle, lean - 0.05), vec3(0.0, middle - 1.9 * head, lean - 0.1));
+            b.limb(top, tip, [0.68 * head, 0.4 * head], 0.6, hair);
         }
         8 => {
             b.ball([0.0, middle + 0.32 * head, lean], [0.86 * head, 0.78 * head, 0.95 * head], upper.clone())
@@ -180,13 +156,8 @@ pub(crate) fn person(
     match rng.random_range(0..10) {
         0 | 1 => {
             let bag = Material::Plain { albedo: surface_colour(rng), gloss: 0.01 };
-            b.limb(
-                vec3(0.0, hip + 0.08, -1.3 * wide),
-                vec3(0.0, shoulder - 0.12, -1.3 * wide),
-                [0.13 * girth, 0.12 * girth],
-                0.7,
-                bag,
-            );
+            let [low, high] = [hip + 0.08, shoulder - 0.12].map(|up| vec3(0.0, up, -1.3 * wide));
+            b.limb(low, high, [0.13 * girth, 0.12 * girth], 0.7, bag);
         }
         2 | 3 => {
             let bag = Material::Plain { albedo: surface_colour(rng), gloss: 0.01 };

@@ -87,12 +87,8 @@ pub(crate) fn tree(rng: &mut ChaCha8Rng, drawer: &mut Drawer, place: Vec3, id: u
         let at = [out * cos, up, out * sin];
         b.ball(at, [size * r(0.85, 1.15), size * r(0.6, 0.95), size * r(0.85, 1.15)], leaves.clone());
         if matches!(growth, Growth::Round | Growth::Spreading) && i % 3 == 0 {
-            b.cone(
-                vec3(0.0, 0.9 * trunk, 0.0),
-                vec3(at[0], at[1], at[2]),
-                [0.4 * thick, 0.15 * thick],
-                bark.clone(),
-            );
+            let (fork, tip) = (vec3(0.0, 0.9 * trunk, 0.0), vec3(at[0], at[1], at[2]));
+            b.cone(fork, tip, [0.4 * thick, 0.15 * thick], bark.clone());
         }
     }
     b.finish(id, None).on_ground([thick, thick], 0.6, 0.5)

@@ -43,15 +43,8 @@ pub(crate) fn truck(
     };
     let (half, side) = (0.5 * length, 0.5 * width);
     let albedo = paint_colour(rng);
-    let paint = Paint {
-        albedo,
-        skirt: [0.04; 3],
-        skirt_m: 0.55,
-        seams_m: [half - 1.3, half - 0.2, half - 2.5],
-        dirt_m: 1.4,
-        lamps: None,
-        seed: rng.random(),
-    };
+    let (seams_m, seed) = ([half - 1.3, half - 0.2, half - 2.5], rng.random());
+    let paint = Paint { albedo, skirt: [0.04; 3], skirt_m: 0.55, seams_m, dirt_m: 1.4, lamps: None, seed };
     let mut b = Builder::at(place, yaw, SurfaceClass::Vehicle);
     let cab_end = if bus { -half } else { half - rng.random_range(1.7..2.2) };
     let sill = if bus { rng.random_range(1.0..1.4) } else { rng.random_range(1.3..1.55) };
@@ -85,11 +78,8 @@ pub(crate) fn truck(
         for i in 1..(length / 1.6) as usize {
             let z = half - 1.6 * i as f64;
             for x in [-1.0, 1.0] {
-                b.block(
-                    [x * (side - 0.015), 0.5 * (sill + height) - 0.1, z],
-                    [0.02, 0.5 * (height - sill) - 0.1, 0.05],
-                    plain([0.03; 3]),
-                );
+                let centre = [x * (side - 0.015), 0.5 * (sill + height) - 0.1, z];
+                b.block(centre, [0.02, 0.5 * (height - sill) - 0.1, 0.05], plain([0.03; 3]));
             }
         }
     }
@@ -111,11 +101,8 @@ pub(crate) fn truck(
             b.block([0.0, 1.3 + 0.5 * pile, bed], [0.85 * side, 0.5 * pile, 0.8 * bed_half], load);
         }
         Build::Bus | Build::Coach => {
-            let board = Material::Sign {
-                ground: [0.02; 3],
-                figure: [0.5, 0.35, 0.02],
-                kind: 4 + 6 * rng.random_range(0..99u32),
-            };
+            let kind = 4 + 6 * rng.random_range(0..99u32);
+            let board = Material::Sign { ground: [0.02; 3], figure: [0.5, 0.35, 0.02], kind };
             b.block([0.0, height - 0.32, half - lean * 0.5], [0.7, 0.13, 0.06], board);
         }
     }
@@ -131,12 +118,8 @@ pub(crate) fn truck(
         for z in axles {
             let at = |out: f64, up: f64| vec3(x * out, 0.48 + up, z);
             b.cone(at(side - 0.35, 0.06), at(side + 0.006, 0.06), [0.52, 0.52], plain([0.012; 3]));
-            b.cone(
-                at(side - 0.3, 0.0),
-                at(side + 0.012, 0.0),
-                [0.48, 0.48],
-                Material::Wheel { rim: [0.25; 3], rim_share: 0.55, spokes: 8 },
-            );
+            let wheel = Material::Wheel { rim: [0.25; 3], rim_share: 0.55, spokes: 8 };
+            b.cone(at(side - 0.3, 0.0), at(side + 0.012, 0.0), [0.48, 0.48], wheel);
         }
         let lit = |colour: Rgb, luminance: f32| scaled(colour, luminance);
         let head = Material::Lamp { lit: lit(HEAD_WHITE, lamps.head), dark: [0.5; 3], face: LampFace::Beam };

@@ -210,19 +210,13 @@ pub(crate) fn car(
     );
     if body == Body::Pickup {
         // The bed behind the cabin is an open box; from outside its rim shows.
-        b.block(
-            [0.0, s.belt + 0.01, 0.5 * (rear_foot - half)],
-            [side - 0.14, 0.03, 0.5 * (rear_foot + half) - 0.12],
-            plain([0.02; 3]),
-        );
+        let centre = [0.0, s.belt + 0.01, 0.5 * (rear_foot - half)];
+        b.block(centre, [side - 0.14, 0.03, 0.5 * (rear_foot + half) - 0.12], plain([0.02; 3]));
     }
     if body == Body::Suv && rng.random_bool(0.5) {
         for x in [-1.0, 1.0] {
-            b.block(
-                [x * (high - 0.06), top + 0.03, 0.5 * (roof_front + roof_end)],
-                [0.02, 0.02, 0.7],
-                plain([0.05; 3]),
-            );
+            let centre = [x * (high - 0.06), top + 0.03, 0.5 * (roof_front + roof_end)];
+            b.block(centre, [0.02, 0.02, 0.7], plain([0.05; 3]));
         }
     }
     wheels(rng, &mut b, &s, side);
@@ -346,11 +340,8 @@ fn details(rng: &mut ChaCha8Rng, b: &mut Builder, s: &Sizes, side: f64, albedo: 
     let rear = if rng.random_bool(0.5) { 0.45 } else { 0.72 } * s.boot;
     b.block([0.0, rear, 0.0 - half], [0.26, 0.055, 0.018], plate(seed));
     let grille = rng.random_range(0.05..0.13);
-    b.block(
-        [0.0, 0.72 * s.bonnet, half - 0.045],
-        [side * rng.random_range(0.3..0.55), grille, 0.05],
-        plain([0.02; 3]),
-    );
+    let wide = side * rng.random_range(0.3..0.55);
+    b.block([0.0, 0.72 * s.bonnet, half - 0.045], [wide, grille, 0.05], plain([0.02; 3]));
     b.block([0.0, 0.36, half - 0.04], [0.6 * side, 0.07, 0.03], plain([0.015; 3]));
     if rng.random_bool(0.4) {
         // A strip of trim across the boot.

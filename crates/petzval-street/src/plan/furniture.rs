@@ -80,14 +80,9 @@ impl Filler<'_> {
             let [x, _, z] = self.plan.pose.position_m;
             let position = vec3(x, 0.65, z) + frame.z * 1.5;
             let beam = (vec3(frame.z.x, 0.0, frame.z.z).unit() + vec3(0.0, -0.04, 0.0)).unit();
-            self.plan.lights.push(PointLight {
-                position,
-                beam,
-                intensity_cd: scaled([1.0, 1.0, 0.95], 4500.0),
-                power: 36,
-                dipped: true,
-                reach_m: 75.0,
-            });
+            let intensity_cd = scaled([1.0, 1.0, 0.95], 4500.0);
+            let lamp = PointLight { position, beam, intensity_cd, power: 36, dipped: true, reach_m: 75.0 };
+            self.plan.lights.push(lamp);
         }
     }
 }

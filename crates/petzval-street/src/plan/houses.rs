@@ -22,12 +22,9 @@ impl Filler<'_> {
                 index += 1;
                 let rng = &mut self.stream(Purpose::House, number);
                 let width: f64 = rng.random_range(8.0..21.0);
-                let crossing = self
-                    .plan
-                    .road
-                    .crossings
-                    .iter()
-                    .find(|c| z < c.z + c.half_m + 2.5 && z + width > c.z - c.half_m - 2.5);
+                let mut crossings = self.plan.road.crossings.iter();
+                let crossing =
+                    crossings.find(|c| z < c.z + c.half_m + 2.5 && z + width > c.z - c.half_m - 2.5);
                 if let Some(crossing) = crossing {
                     // Fill up to the corner if there is room for a house, and go on behind the crossing.
                     let room = crossing.z - crossing.half_m - 2.5 - z;

@@ -141,11 +141,8 @@ fn lay_out(rng: &mut ChaCha8Rng, settings: &StreetSettings) -> (Road, Layout) {
         stops.push([crossing.z + edge + 5.0, -to, -from]);
     }
     let dashed = [rng.random_range(1.5..4.0), rng.random_range(2.0..6.0)];
-    let mut lines = vec![LaneLine {
-        x: 0.0,
-        width_m: 0.13,
-        dash_m: if rng.random_bool(0.7) { dashed } else { [1.0, 0.0] },
-    }];
+    let dash_m = if rng.random_bool(0.7) { dashed } else { [1.0, 0.0] };
+    let mut lines = vec![LaneLine { x: 0.0, width_m: 0.13, dash_m }];
     for x in [-1.0, 1.0] {
         for lane in 1..lanes {
             lines.push(LaneLine { x: x * lane as f64 * lane_m, width_m: 0.12, dash_m: dashed });

@@ -28,14 +28,9 @@ impl Filler<'_> {
         let beam = object.frame.direction(vec3(0.0, -0.05, 1.0)).unit();
         let position = object.frame.point(vec3(0.0, 0.65, half + 0.1));
         if self.add(object, 0.5) && driving && light == Light::Night {
-            self.plan.lights.push(PointLight {
-                position,
-                beam,
-                intensity_cd: [6000.0; 3],
-                power: 40,
-                dipped: true,
-                reach_m: 55.0,
-            });
+            let intensity_cd = [6000.0; 3];
+            let lamp = PointLight { position, beam, intensity_cd, power: 40, dipped: true, reach_m: 55.0 };
+            self.plan.lights.push(lamp);
         }
     }
 

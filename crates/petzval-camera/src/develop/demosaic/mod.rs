@@ -87,16 +87,20 @@ impl Demosaic {
         if self == Self::Bilinear || cfa.is_bayer() {
             return Ok(());
         }
-        Err(SensorError::Shape {
-            what: "colour filter array",
-            expected: format!("a Bayer array for {}; other arrays are interpolated bilinearly", self.name()),
-            got: format!("{} x {} pixels of {:?}", cfa.rows(), cfa.cols(), cfa.colours()),
-        })
+        let expected = format!("a Bayer array for {}; other arrays are interpolated bilinearly", self.name());
+        let got = format!("{} x {} pixels of {:?}", cfa.rows(), cfa.cols(), cfa.colours());
+        Err(SensorError::shape("colour filter array", expected, got))
     }
 
     /// Whether [`Demosaic::adjoint`] exists: not for RCD, whose values are quotients of the mosaic.
     pub fn is_differentiable(self) -> bool {
         self != Self::Rcd
+    }
+
+    /// The error of a method without a gradient where one is needed.
+    pub(crate) fn without_gradient(self) -> SensorError {
+        let expected = "bilinear, malvar or menon, which have a gradient";
+        SensorError::shape("method of demosaicing", expected, self.name())
     }
 
     /// The cotangent of a mosaic from that of its picture: the transpose of [`Demosaic::apply`], where the directions that Menon's method
@@ -113,13 +117,7 @@ impl Demosaic {
             Self::Bilinear => return demosaic_bilinear_adjoint(d_rgb, cfa, placement),
             Self::Malvar => malvar::adjoint,
             Self::Menon => menon::adjoint,
-            Self::Rcd => {
-                return Err(SensorError::Shape {
-                    what: "method of demosaicing",
-                    expected: "bilinear, malvar or menon, which have a gradient".into(),
-                    got: "rcd".into(),
-                });
-            }
+            Self::Rcd => return Err(self.without_gradient()),
         };
         self.check_array(cfa)?;
         check_mosaic(mosaic.len(), height, width)?;

@@ -87,10 +87,9 @@ pub fn merge_exposures(
     let bits = (needed(below) as u32).max(longest.bits);
     let unit = f64::from(1_u32 << below);
 
-    let sources: Vec<Source> = order
-        .iter()
-        .map(|i| Source::new(&frames[*i], ratio(*i), unit, *i == order[order.len() - 1]))
-        .collect();
+    let sources =
+        order.iter().map(|i| Source::new(&frames[*i], ratio(*i), unit, *i == order[order.len() - 1]));
+    let sources: Vec<Source> = sources.collect();
     let motion = options.motion_sigmas.map(|sigmas| (sigmas * sigmas * f64::from(1 << 8)).round() as i64);
     let black = (longest.about.black_dn * unit * f64::from(1 << LIGHT_BITS)).round() as i64;
     let highest_dn = (1_i64 << bits) - 1;
@@ -284,11 +283,8 @@ fn check(frames: &[RawInput], exposures: &[f64], options: &MergeOptions) -> Resu
     let (least, most) =
         exposures.iter().fold((f64::INFINITY, 0.0_f64), |(least, most), e| (least.min(*e), most.max(*e)));
     if !exposures.iter().all(|e| e.is_finite() && *e > 0.0) || most / least > LARGEST_RATIO {
-        return bad(
-            "exposures",
-            format!("{exposures:?}"),
-            "positive, the longest at most 65536 times the shortest",
-        );
+        let hint = "positive, the longest at most 65536 times the shortest";
+        return bad("exposures", format!("{exposures:?}"), hint);
     }
     if let Some(sigmas) = options.motion_sigmas.filter(|sigmas| !(1.0..=100.0).contains(sigmas)) {
         return bad("limit of the motion check", sigmas.to_string(), "1 to 100 standard deviations");

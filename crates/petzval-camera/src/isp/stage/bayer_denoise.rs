@@ -65,8 +65,7 @@ impl BayerDenoise {
         let corner = ((height * height + width * width) as f64).max(1.0);
         let scale = ((1_u64 << 44) as f64 / corner).round() as i64;
         Grid::from_rows(
-            height,
-            width,
+            [height, width],
             #[inline(always)]
             |row, out| {
                 let near = mosaic.around(row, out.len());

@@ -59,10 +59,9 @@ pub fn fixed(luma: &LumaDenoise, chroma: &ChromaDenoise, rgb: [Grid<i16>; 3], si
     if luma.strength == 0.0 && chroma.strength == 0.0 {
         return rgb;
     }
-    let (height, width) = (rgb[0].height, rgb[0].width);
+    let size = rgb[0].size();
     let [y, u, v] = Grid::several_from_rows(
-        height,
-        width,
+        size,
         #[inline(always)]
         |row, [y, u, v]| {
             let width = y.len();
@@ -77,8 +76,7 @@ pub fn fixed(luma: &LumaDenoise, chroma: &ChromaDenoise, rgb: [Grid<i16>; 3], si
     let [u, v] = chroma.fixed(&y, [u, v], sigma);
     let (strength, limit) = (WEIGHT.of(luma.strength), Biweight::new(luma.threshold * sigma));
     Grid::several_from_rows(
-        height,
-        width,
+        size,
         #[inline(always)]
         |row, [r, g, b]| {
             let width = r.len();
@@ -135,8 +133,7 @@ impl ChromaDenoise {
         let [limit, guard] = [self.threshold, self.guard].map(|limit| Biweight::new(limit * sigma));
         for step in [2, 4] {
             planes = Grid::several_from_rows(
-                luma.height,
-                luma.width,
+                luma.size(),
                 #[inline(always)]
                 |row, [to_u, to_v]| {
                     let width = to_u.len();

@@ -31,8 +31,7 @@ impl Defects {
         let threshold = ROOT.of(self.threshold).max(1);
         let (inverse, slope) = ((1 << 24) / threshold, WEIGHT.of(self.slope));
         Grid::from_rows(
-            mosaic.height,
-            mosaic.width,
+            mosaic.size(),
             #[inline(always)]
             |row, out| {
                 let near = mosaic.around(row, out.len());

@@ -42,8 +42,7 @@ pub fn fixed(method: Demosaic, mosaic: &Grid<i16>, cfa: CfaPattern) -> [Grid<i16
 fn linear(mosaic: &Grid<i16>, cfa: CfaPattern, is_corrected: bool) -> [Grid<i16>; 3] {
     let correction = i32::from(is_corrected);
     Grid::several_from_rows(
-        mosaic.height,
-        mosaic.width,
+        mosaic.size(),
         #[inline(always)]
         |row, [red, green, blue]| {
             let width = red.len();
@@ -145,8 +144,7 @@ impl FalseColour {
         }
         let strength = WEIGHT.of(self.strength);
         let [red, blue] = Grid::several_from_rows(
-            green.height,
-            green.width,
+            green.size(),
             #[inline(always)]
             |row, [to_red, to_blue]| {
                 for (colour, out) in [(&red, to_red), (&blue, to_blue)] {
@@ -207,12 +205,8 @@ impl Kernel for DemosaicKernel {
     }
 
     fn backward(&self, inputs: &[View<'_>], _: &[f32], gradient: &[f32], _: &[bool]) -> Vec<Vec<f32>> {
-        let d_rgb = LinearImage {
-            channels: CHANNELS,
-            height: self.height,
-            width: self.width,
-            data: gradient.to_vec(),
-        };
+        let data = gradient.to_vec();
+        let d_rgb = LinearImage { channels: CHANNELS, height: self.height, width: self.width, data };
         let origin = Placement { row: 0, col: 0 };
         vec![self.method.adjoint(inputs[0].values, &d_rgb, self.cfa, origin).expect(CHECKED)]
     }
@@ -241,7 +235,7 @@ mod tests {
         let [smooth, _, _] = FalseColour::smooth([red.clone(), red.zeros_like(), red.clone()], &theta);
         let smooth: Vec<f32> = smooth.into_data().try_to_vec().unwrap();
         let whole = |factor: f64| {
-            Grid::from_rows(height, width, |row, out: &mut [i16]| {
+            Grid::from_rows([height, width], |row, out: &mut [i16]| {
                 let roots = given[row].iter().map(|v| ROOT.of(factor * f64::from(*v)) as i16);
                 out.iter_mut().zip(roots).for_each(|(out, v)| *out = v);
             })

@@ -11,12 +11,11 @@ const THIRD: i32 = 1365;
 
 /// Roots of the three colours from the roots of a mosaic.
 pub fn directional(mosaic: &Grid<i16>, cfa: CfaPattern) -> [Grid<i16>; 3] {
-    let (height, width) = (mosaic.height, mosaic.width);
+    let size = mosaic.size();
     let columns = directions(mosaic, cfa);
     // Green at red and blue, along the chosen direction.
     let green = Grid::from_rows(
-        height,
-        width,
+        size,
         #[inline(always)]
         |row, out| {
             let width = out.len();
@@ -38,9 +37,8 @@ pub fn directional(mosaic: &Grid<i16>, cfa: CfaPattern) -> [Grid<i16>; 3] {
     );
     // Colours at green: along the row and the column in which they were measured. `from` gives the colour there, and elsewhere.
     let at_green = |green: &Grid<i16>, from: [&Grid<i16>; 2]| {
-        let [red, blue] = Grid::several_from_rows(
-            height,
-            width,
+        Grid::several_from_rows(
+            size,
             #[inline(always)]
             |row, [red, blue]| {
                 let width = red.len();
@@ -60,14 +58,12 @@ pub fn directional(mosaic: &Grid<i16>, cfa: CfaPattern) -> [Grid<i16>; 3] {
                     }
                 }
             },
-        );
-        [red, blue]
+        )
     };
     let [red, blue] = at_green(&green, [mosaic, mosaic]);
     // Red at blue and blue at red, along the chosen direction.
     let [red, blue] = Grid::several_from_rows(
-        height,
-        width,
+        size,
         #[inline(always)]
         |row, [to_red, to_blue]| {
             let width = to_red.len();
@@ -92,8 +88,7 @@ pub fn directional(mosaic: &Grid<i16>, cfa: CfaPattern) -> [Grid<i16>; 3] {
     );
     // Refine green by the low-pass of its difference from the measured colour along the chosen direction.
     let refined = Grid::from_rows(
-        height,
-        width,
+        size,
         #[inline(always)]
         |row, out| {
             let (green_first, is_red_row) = cfa.row_kind(row);
@@ -107,8 +102,7 @@ pub fn directional(mosaic: &Grid<i16>, cfa: CfaPattern) -> [Grid<i16>; 3] {
     let [red, blue] = at_green(&refined, [&red, &blue]);
     // Refine red at blue and blue at red by the low-pass of their difference along the chosen direction.
     let [red, blue] = Grid::several_from_rows(
-        height,
-        width,
+        size,
         #[inline(always)]
         |row, [to_red, to_blue]| {
             let width = to_red.len();
@@ -117,13 +111,8 @@ pub fn directional(mosaic: &Grid<i16>, cfa: CfaPattern) -> [Grid<i16>; 3] {
             let (to_own, to_other) = if is_red_row { (to_red, to_blue) } else { (to_blue, to_red) };
             let (own, other) = (own.around(row, width), other.around(row, width));
             to_own.copy_from_slice(own.at(0, 0));
-            without_third(
-                own,
-                other,
-                columns.around(row, width).at(0, 0),
-                green_first,
-                &mut to_other[..width],
-            );
+            let columns = columns.around(row, width).at(0, 0);
+            without_third(own, other, columns, green_first, &mut to_other[..width]);
         },
     );
     [red, refined, blue]
@@ -160,11 +149,10 @@ fn without_third(
 
 /// 1 where the differences of the measured colour from green vary less along the column than along the row.
 fn directions(mosaic: &Grid<i16>, cfa: CfaPattern) -> Grid<i16> {
-    let (height, width) = (mosaic.height, mosaic.width);
+    let size = mosaic.size();
     // Differences from green by the row and by the column, times 4; 0 at green.
     let [by_row, by_col] = Grid::several_from_rows(
-        height,
-        width,
+        size,
         #[inline(always)]
         |row, [by_row, by_col]| {
             let width = by_row.len();
@@ -186,8 +174,7 @@ fn directions(mosaic: &Grid<i16>, cfa: CfaPattern) -> Grid<i16> {
         },
     );
     Grid::from_rows(
-        height,
-        width,
+        size,
         #[inline(always)]
         |row, out| {
             let (by_row, by_col) = (by_row.around(row, out.len()), by_col.around(row, out.len()));

@@ -26,23 +26,23 @@ const EPSILON: f64 = 1e-5;
 
 /// Roots of the three colours from the roots of a mosaic.
 pub fn fixed(mosaic: &Grid<i16>, cfa: CfaPattern) -> [Grid<i16>; 3] {
-    let (height, width) = (mosaic.height, mosaic.width);
+    let size = mosaic.size();
     let is_green = |row: usize, c: usize| cfa.colour(row, c) == Colour::Green;
     let by_column = shares(mosaic, STRAIGHT);
-    let low = Grid::from_rows(height, width, |row, out| {
-        let near = mosaic.around(row, width);
+    let low = Grid::from_rows(size, |row, out| {
+        let near = mosaic.around(row, out.len());
         let line = |d: isize| [near.at(d, -1), near.at(d, 0), near.at(d, 1)];
         let [above, here, below] = [line(-1), line(0), line(1)];
-        for c in 0..width {
+        for c in 0..out.len() {
             let tent = |[a, b, d]: [&[i16]; 3]| i32::from(a[c]) + 2 * i32::from(b[c]) + i32::from(d[c]);
             out[c] = ROOT.short(shift_round(tent(above) + 2 * tent(here) + tent(below), 4));
         }
     });
     // Green at red and blue.
-    let green = Grid::from_rows(height, width, |row, out| {
+    let green = Grid::from_rows(size, |row, out| {
         let sides = both_sides(STRAIGHT)
             .map(|step| (along(mosaic, row, step, [-1, 0, 1, 2, 3, 4]), along(&low, row, step, [0, 2])));
-        for c in 0..width {
+        for c in 0..out.len() {
             if is_green(row, c) {
                 out[c] = mosaic.row(row)[c];
                 continue;
@@ -61,7 +61,7 @@ pub fn fixed(mosaic: &Grid<i16>, cfa: CfaPattern) -> [Grid<i16>; 3] {
     // Red at blue and blue at red, along the diagonals.
     let falling = shares(mosaic, DIAGONAL);
     let known = |colour: Colour| {
-        Grid::from_rows(height, width, |row, out| {
+        Grid::from_rows(size, |row, out| {
             let sides = differences(mosaic, &green, row, DIAGONAL);
             for (c, out) in out.iter_mut().enumerate() {
                 let at = cfa.colour(row, c);
@@ -77,7 +77,7 @@ pub fn fixed(mosaic: &Grid<i16>, cfa: CfaPattern) -> [Grid<i16>; 3] {
     let [red, blue] = [Colour::Red, Colour::Blue].map(known);
     // Red and blue at green.
     let whole = |known: &Grid<i16>| {
-        Grid::from_rows(height, width, |row, out| {
+        Grid::from_rows(size, |row, out| {
             let sides = differences(known, &green, row, STRAIGHT);
             for (c, out) in out.iter_mut().enumerate() {
                 *out = known.row(row)[c];
@@ -130,9 +130,9 @@ fn along<T: Pixel, const N: usize>(
 
 /// The share of the first direction in how much a mosaic varies along both: squares of a sixth-order high-pass at three pixels.
 fn shares(mosaic: &Grid<i16>, directions: [Step; 2]) -> Grid<i16> {
-    let (height, width) = (mosaic.height, mosaic.width);
+    let size = mosaic.size();
     let squares = directions.map(|step| {
-        Grid::from_rows(height, width, |row, out: &mut [i32]| {
+        Grid::from_rows(size, |row, out: &mut [i32]| {
             let v = along(mosaic, row, step, [-3, -2, -1, 0, 1, 2, 3]);
             for (c, out) in out.iter_mut().enumerate() {
                 let [a, b, d, e, f, g, h] = v.map(|line| i32::from(line[c]));
@@ -142,7 +142,7 @@ fn shares(mosaic: &Grid<i16>, directions: [Step; 2]) -> Grid<i16> {
             }
         })
     });
-    Grid::from_rows(height, width, |row, out: &mut [i16]| {
+    Grid::from_rows(size, |row, out: &mut [i16]| {
         let lines = [0, 1].map(|k: usize| along(&squares[k], row, directions[k], [-1, 0, 1]));
         for (c, out) in out.iter_mut().enumerate() {
             let [first, second] =
@@ -278,7 +278,7 @@ mod tests {
         let origin = Placement { row: 0, col: 0 };
         let wanted = Demosaic::Rcd.apply(&mosaic, SIDE, SIDE, CfaPattern::RGGB, origin).unwrap();
         let tape = smooth(&on_tape(&mosaic, &Device::flex()), CfaPattern::RGGB).map(host);
-        let whole = Grid::from_rows(SIDE, SIDE, |row, out| {
+        let whole = Grid::from_rows([SIDE, SIDE], |row, out| {
             out.iter_mut()
                 .enumerate()
                 .for_each(|(c, out)| *out = ROOT.of(mosaic[row * SIDE + c].into()) as i16);

@@ -64,8 +64,7 @@ impl Dewarp {
         let inside = |at: i32, len: usize| at.max(0).min((len as i32 - 1) << PLACE_BITS);
         // The colours of a pixel side by side: one access fetches all of them.
         let colours = Grid::from_rows(
-            height,
-            width,
+            [height, width],
             #[inline(always)]
             |row, out: &mut [ColourPixel]| {
                 let [r, g, b] = rgb.each_ref().map(|grid| grid.around(row, out.len()).at(0, 0));
@@ -75,8 +74,7 @@ impl Dewarp {
             },
         );
         Grid::several_from_rows(
-            height,
-            width,
+            [height, width],
             #[inline(always)]
             |row, [r, g, b]| {
                 let [down, right] =

@@ -28,8 +28,7 @@ impl GreenBalance {
         }
         let (biweight, half) = (Biweight::new(self.threshold * sigma), WEIGHT.of(0.5 * self.strength));
         Grid::from_rows(
-            mosaic.height,
-            mosaic.width,
+            mosaic.size(),
             #[inline(always)]
             |row, out| {
                 let near = mosaic.around(row, out.len());

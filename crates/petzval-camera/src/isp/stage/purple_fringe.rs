@@ -29,8 +29,7 @@ impl PurpleFringe {
         }
         let (strength, threshold) = (WEIGHT.of(self.strength), ROOT.of(self.threshold));
         let [red, blue] = Grid::several_from_rows(
-            green.height,
-            green.width,
+            green.size(),
             #[inline(always)]
             |row, [to_red, to_blue]| {
                 let width = to_red.len();

@@ -49,11 +49,8 @@ impl Shading {
         let [_, _, height, width] = like.dims();
         let mut gain = like.clone() * 0.0;
         for (plane, colour) in [Colour::Red, Colour::Green, Colour::Blue].into_iter().enumerate() {
-            let nodes = mesh.planes[plane]
-                .iter()
-                .map(|v| 1.0 / f64::from(*v).max(DARKEST))
-                .map(|v| v as f32)
-                .collect();
+            let gains = mesh.planes[plane].iter().map(|v| 1.0 / f64::from(*v).max(DARKEST));
+            let nodes = gains.map(|v| v as f32).collect();
             let nodes: Tensor<4> = constant(nodes, [1, 1, mesh.rows, mesh.cols], like);
             let capped = nodes.min_pair(theta.number("shading.cap").expand([1, 1, mesh.rows, mesh.cols]));
             let of_nodes = (capped.log() * theta.number("shading.strength")).exp();

@@ -61,12 +61,11 @@ impl Sharpen {
         if self.amount == 0.0 {
             return rgb;
         }
-        let (height, width) = (rgb[0].height, rgb[0].width);
+        let size = rgb[0].size();
         let weights = self.weights();
         let reach = (1..=REACH).rev().find(|k| weights[*k] != 0).unwrap_or(0);
         let luma = Grid::from_rows(
-            height,
-            width,
+            size,
             #[inline(always)]
             |row, out| {
                 let [r, g, b] = rgb.each_ref().map(|grid| grid.around(row, out.len()).at(0, 0));
@@ -79,8 +78,7 @@ impl Sharpen {
         // The Gaussian along the columns, then along the rows.
         let weights = &weights[..=reach];
         let down = Grid::from_rows(
-            height,
-            width,
+            size,
             #[inline(always)]
             |row, out| {
                 let blurred = blur(luma.around(row, out.len()), (1, 0), weights);
@@ -90,11 +88,10 @@ impl Sharpen {
         let (amount, coring) = (WEIGHT.of(self.amount), ENCODED.of(self.coring));
         let (over, under) = (ENCODED.of(self.over), ENCODED.of(self.under));
         Grid::several_from_rows(
-            height,
-            width,
+            size,
             #[inline(always)]
             |row, outs| {
-                let mut detail = blur(down.around(row, width), (0, 1), weights);
+                let mut detail = blur(down.around(row, size[1]), (0, 1), weights);
                 for (v, y) in detail.iter_mut().zip(luma.row(row)) {
                     let d = i32::from(*y) - *v;
                     let cored = d - d.max(-coring).min(coring);
@@ -240,7 +237,7 @@ mod tests {
             let far = farthest(&smooth, &wanted);
             assert!(far < 1e-6, "{far}");
             let whole = || {
-                Grid::from_rows(height, width, |row, out| {
+                Grid::from_rows([height, width], |row, out| {
                     out.iter_mut().zip(&given[row]).for_each(|(out, v)| *out = ENCODED.of(*v) as i16);
                 })
             };

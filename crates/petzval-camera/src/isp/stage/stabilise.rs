@@ -100,8 +100,7 @@ impl Stable {
 /// The roots of the light of a mosaic, each by `root`.
 pub fn rooted(light: &Grid<i32>, root: impl Fn(i32) -> i32 + Sync) -> Grid<i16> {
     Grid::from_rows(
-        light.height,
-        light.width,
+        light.size(),
         #[inline(always)]
         |row, out| {
             let light = light.row(row);

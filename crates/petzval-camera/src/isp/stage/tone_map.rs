@@ -77,8 +77,7 @@ impl ToneMap {
         let darkest = f64::from(DARKEST_LOG2).exp2();
         let table = OctaveTable::new(LINEAR.max, LOG2, |v| (v / one).max(darkest).log2());
         Grid::from_rows(
-            light.height,
-            light.width,
+            light.size(),
             #[inline(always)]
             |row, out| {
                 let near = light.around(row, out.len());
@@ -126,14 +125,11 @@ impl ToneMap {
         let (mean, square) = (blur(&mean), blur(&square));
         // The guided filter: slope = variance / (variance + range^2).
         let range = (self.range.powi(2) * f64::from(1 << (2 * LOG2.fraction))).round() as i64;
-        let slope: Vec<i64> = mean
-            .iter()
-            .zip(&square)
-            .map(|(m, s)| {
-                let variance = (s - m * m).max(0);
-                (variance << 12) / (variance + range).max(1)
-            })
-            .collect();
+        let slope = mean.iter().zip(&square).map(|(m, s)| {
+            let variance = (s - m * m).max(0);
+            (variance << 12) / (variance + range).max(1)
+        });
+        let slope: Vec<i64> = slope.collect();
         let offset: Vec<i64> = slope.iter().zip(&mean).map(|(a, m)| ((4096 - a) * m) >> 12).collect();
         let narrow = |plane: Vec<i64>| plane.into_iter().map(|v| v as i32).collect();
         let curve = |k: usize| {

@@ -7,7 +7,7 @@ use burn_cubecl::cubecl;
 use burn_cubecl::cubecl::prelude::*;
 use burn_cubecl::tensor::CubeTensor;
 
-use super::{empty, groups, numbers, words};
+use super::{buffers, empty, groups, numbers, words};
 use crate::image::CHANNELS;
 use crate::render::{PatchKernels, Placement, RenderGeometry, hat};
 
@@ -151,18 +151,9 @@ impl Blend {
     fn sizes(&self, radius: usize, support: Support) -> SizesLaunch {
         let [first_row, rows, first_col, cols] = support;
         let (patch_rows, patch_cols) = self.patches;
-        let (height, width) = (self.height, self.width);
+        let Self { height, width, segments, regions, .. } = *self;
         SizesLaunch::new(
-            height,
-            width,
-            radius,
-            patch_rows,
-            patch_cols,
-            self.segments,
-            self.regions,
-            first_row,
-            rows,
-            first_col,
+            height, width, radius, patch_rows, patch_cols, segments, regions, first_row, rows, first_col,
             cols,
         )
     }
@@ -177,19 +168,10 @@ impl Blend {
     ) -> CubeTensor {
         let out = empty(scenes, [self.batch, CHANNELS, self.height, self.width]);
         let (count, dim) = groups(scenes, self.batch * CHANNELS * self.height * self.segments);
-        convolve::launch(
-            &out.client,
-            count,
-            dim,
-            scenes.clone().into_buffer_arg(),
-            kernels.clone().into_buffer_arg(),
-            self.lows.clone().into_buffer_arg(),
-            self.uppers.clone().into_buffer_arg(),
-            self.of_patch.clone().into_buffer_arg(),
-            self.runs.clone().into_buffer_arg(),
-            out.clone().into_buffer_arg(),
-            self.sizes(radius, support),
-        );
+        let [scenes, kernels, runs, to] = buffers([scenes, kernels, &self.runs, &out]);
+        let [lows, uppers, of_patch] = buffers([&self.lows, &self.uppers, &self.of_patch]);
+        let sizes = self.sizes(radius, support);
+        convolve::launch(&out.client, count, dim, scenes, kernels, lows, uppers, of_patch, runs, to, sizes);
         out
     }
 
@@ -200,40 +182,18 @@ impl Blend {
         let planes = self.batch * self.regions * CHANNELS;
         let weighted = empty(scenes, [planes * self.height * self.width]);
         let (count, dim) = groups(scenes, planes * self.height * self.width);
-        weigh::launch(
-            &weighted.client,
-            count,
-            dim,
-            gradient.clone().into_buffer_arg(),
-            self.lows.clone().into_buffer_arg(),
-            self.uppers.clone().into_buffer_arg(),
-            self.areas.clone().into_buffer_arg(),
-            weighted.clone().into_buffer_arg(),
-            self.sizes(radius, whole(radius)),
-        );
+        let sizes = || self.sizes(radius, whole(radius));
+        let [bars, lows, uppers] = buffers([gradient, &self.lows, &self.uppers]);
+        let [areas, to] = buffers([&self.areas, &weighted]);
+        weigh::launch(&weighted.client, count, dim, bars, lows, uppers, areas, to, sizes());
         let parts = empty(scenes, [planes * side * side]);
         let (count, dim) = groups(scenes, planes * side * side.div_ceil(AT_ONCE));
-        correlate::launch(
-            &parts.client,
-            count,
-            dim,
-            scenes.clone().into_buffer_arg(),
-            weighted.into_buffer_arg(),
-            self.areas.clone().into_buffer_arg(),
-            parts.clone().into_buffer_arg(),
-            self.sizes(radius, whole(radius)),
-        );
+        let [from, bars, areas, to] = buffers([scenes, &weighted, &self.areas, &parts]);
+        correlate::launch(&parts.client, count, dim, from, bars, areas, to, sizes());
         let out = empty(scenes, [self.slots * per_patch]);
         let (count, dim) = groups(scenes, self.slots * per_patch);
-        add_frames::launch(
-            &out.client,
-            count,
-            dim,
-            parts.into_buffer_arg(),
-            self.members.clone().into_buffer_arg(),
-            out.clone().into_buffer_arg(),
-            per_patch,
-        );
+        let [parts, members, to] = buffers([&parts, &self.members, &out]);
+        add_frames::launch(&out.client, count, dim, parts, members, to, per_patch);
         out
     }
 
@@ -248,18 +208,10 @@ impl Blend {
         let out = empty(gradient, [self.batch, CHANNELS, self.height + 2 * radius, self.width + 2 * radius]);
         let count = self.batch * CHANNELS * (self.height + 2 * radius) * (self.width + 2 * radius);
         let (count, dim) = groups(gradient, count);
-        spread_back::launch(
-            &out.client,
-            count,
-            dim,
-            gradient.clone().into_buffer_arg(),
-            kernels.clone().into_buffer_arg(),
-            self.lows.clone().into_buffer_arg(),
-            self.uppers.clone().into_buffer_arg(),
-            self.of_patch.clone().into_buffer_arg(),
-            out.clone().into_buffer_arg(),
-            self.sizes(radius, support),
-        );
+        let [bars, kernels, to] = buffers([gradient, kernels, &out]);
+        let [lows, uppers, of_patch] = buffers([&self.lows, &self.uppers, &self.of_patch]);
+        let sizes = self.sizes(radius, support);
+        spread_back::launch(&out.client, count, dim, bars, kernels, lows, uppers, of_patch, to, sizes);
         out
     }
 }

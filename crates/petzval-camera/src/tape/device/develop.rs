@@ -13,12 +13,12 @@ use super::bordered::{
     BARS, BORDER, GREEN, NUMBERS, Sizes, SizesLaunch, Step, colour, is_within, margin_of, mirrored, place,
 };
 use super::develop_back::{begin_back, fold, measured_back, step_back};
-use super::{empty, given, groups, is_served, numbers, taken, words};
+use super::{buffers, empty, given, groups, is_served, numbers, taken, words};
 use crate::develop::{Demosaic, Domain, Stabiliser, dark_mean_dn, light_per_dn};
 use crate::image::CHANNELS;
 use crate::sensor::Colour;
-use crate::tape::DeviceForm;
 use crate::tape::develop_op::DevelopKernel;
+use crate::tape::{Cotangent, DeviceForm};
 
 /// A batch with what its kernels read.
 struct Frames {
@@ -70,20 +70,12 @@ impl DevelopKernel {
         let n = batch * self.bordered();
         let [mosaic, planes] = [1, CHANNELS].map(|c| empty(&frames.raw, [n * c]));
         let (count, dim) = groups(&mosaic, n);
-        balance::launch(
-            &mosaic.client,
-            count.clone(),
-            dim,
-            frames.raw.clone().into_buffer_arg(),
-            frames.numbers.clone().into_buffer_arg(),
-            frames.words.clone().into_buffer_arg(),
-            mosaic.clone().into_buffer_arg(),
-            self.sizes(),
-            self.is_stabilised(),
-        );
-        let [of_mosaic, of_words] = [&mosaic, &frames.words].map(|t| t.clone().into_buffer_arg());
+        let [raw, levels, reds, to] = buffers([&frames.raw, &frames.numbers, &frames.words, &mosaic]);
+        let (client, sizes, is_stabilised) = (&mosaic.client, self.sizes(), self.is_stabilised());
+        balance::launch(client, count.clone(), dim, raw, levels, reds, to, sizes, is_stabilised);
+        let [of_mosaic, of_words] = buffers([&mosaic, &frames.words]);
         if self.interpolation.demosaic != Demosaic::Menon {
-            let (client, of_planes) = (&mosaic.client, planes.clone().into_buffer_arg());
+            let [of_planes] = buffers([&planes]);
             if self.interpolation.demosaic == Demosaic::Malvar {
                 malvar::launch(client, count, dim, of_mosaic, of_words, of_planes, self.sizes());
             } else {
@@ -93,17 +85,9 @@ impl DevelopKernel {
             return (mosaic, planes, none);
         }
         let steps = empty(&mosaic, [n]);
-        let [of_steps, of_planes] = [&steps, &planes].map(|t| t.clone().into_buffer_arg());
-        directions_and_green::launch(
-            &mosaic.client,
-            count.clone(),
-            dim,
-            of_mosaic,
-            of_words,
-            of_steps,
-            of_planes,
-            self.sizes(),
-        );
+        let ([of_steps, of_planes], sizes) = (buffers([&steps, &planes]), self.sizes());
+        let groups = count.clone();
+        directions_and_green::launch(client, groups, dim, of_mosaic, of_words, of_steps, of_planes, sizes);
         let all = [
             Step::ChromaAtGreen,
             Step::Opposite,
@@ -112,10 +96,8 @@ impl DevelopKernel {
             Step::RefinedOpposite,
         ];
         for step in all {
-            let [of_steps, of_planes] = [&steps, &planes].map(|t| t.clone().into_buffer_arg());
-            let of_words = frames.words.clone().into_buffer_arg();
-            let (client, count) = (&mosaic.client, count.clone());
-            take_step::launch(client, count, dim, of_words, of_steps, of_planes, self.sizes(), step);
+            let [of_words, of_steps, of_planes] = buffers([&frames.words, &steps, &planes]);
+            take_step::launch(client, count.clone(), dim, of_words, of_steps, of_planes, self.sizes(), step);
         }
         (mosaic, planes, steps)
     }
@@ -131,26 +113,12 @@ impl DeviceForm for DevelopKernel {
         let (_, planes, _) = self.interpolated(&frames);
         let picture = empty(&planes, self.shape);
         let (count, dim) = groups(&picture, self.shape.iter().product());
-        finish::launch(
-            &picture.client,
-            count,
-            dim,
-            planes.into_buffer_arg(),
-            frames.numbers.into_buffer_arg(),
-            picture.clone().into_buffer_arg(),
-            self.sizes(),
-            self.is_stabilised(),
-        );
+        let [planes, levels, to] = buffers([&planes, &frames.numbers, &picture]);
+        finish::launch(&picture.client, count, dim, planes, levels, to, self.sizes(), self.is_stabilised());
         given(picture)
     }
 
-    fn backward(
-        &self,
-        inputs: &[DispatchTensor],
-        _: Option<&DispatchTensor>,
-        gradient: &DispatchTensor,
-        _: &[bool],
-    ) -> Vec<Option<DispatchTensor>> {
+    fn backward(&self, inputs: &[DispatchTensor], at: Cotangent<'_>) -> Vec<Option<DispatchTensor>> {
         let [batch, _, height, width] = self.shape;
         let frames = self.frames(&inputs[0]);
         let (mosaic, planes, steps) = self.interpolated(&frames);
@@ -158,17 +126,9 @@ impl DeviceForm for DevelopKernel {
         let [mut bars, mut next] = [(); 2].map(|()| empty(&mosaic, [n * BARS]));
         // The cotangents of the planes in a border of zeros.
         let (count, dim) = groups(&mosaic, n);
-        begin_back::launch(
-            &client,
-            count.clone(),
-            dim,
-            taken(gradient).into_buffer_arg(),
-            planes.into_buffer_arg(),
-            frames.numbers.clone().into_buffer_arg(),
-            bars.clone().into_buffer_arg(),
-            self.sizes(),
-            self.is_stabilised(),
-        );
+        let [from, planes, levels, to] = buffers([&taken(at.gradient), &planes, &frames.numbers, &bars]);
+        let (sizes, is_stabilised) = (self.sizes(), self.is_stabilised());
+        begin_back::launch(&client, count.clone(), dim, from, planes, levels, to, sizes, is_stabilised);
         let is_menon = self.interpolation.demosaic == Demosaic::Menon;
         let all = [
             Step::RefinedOpposite,
@@ -179,37 +139,20 @@ impl DeviceForm for DevelopKernel {
             Step::Green,
         ];
         for step in all.into_iter().take(if is_menon { all.len() } else { 0 }) {
-            let [from, to] = [&bars, &next].map(|t| t.clone().into_buffer_arg());
-            let [of_words, of_steps] = [&frames.words, &steps].map(|t| t.clone().into_buffer_arg());
+            let [of_words, of_steps, from, to] = buffers([&frames.words, &steps, &bars, &next]);
             step_back::launch(&client, count.clone(), dim, of_words, of_steps, from, to, self.sizes(), step);
             std::mem::swap(&mut bars, &mut next);
         }
         let of_mosaic = empty(&mosaic, [n]);
-        measured_back::launch(
-            &client,
-            count,
-            dim,
-            frames.words.clone().into_buffer_arg(),
-            bars.into_buffer_arg(),
-            of_mosaic.clone().into_buffer_arg(),
-            self.sizes(),
-            self.interpolation.demosaic,
-        );
+        let [of_words, from, to] = buffers([&frames.words, &bars, &of_mosaic]);
+        let demosaic = self.interpolation.demosaic;
+        measured_back::launch(&client, count, dim, of_words, from, to, self.sizes(), demosaic);
         // The border goes back to the pixels that it mirrors, and from light to digital numbers.
         let d_raw = empty(&mosaic, [batch, 1, height, width]);
         let (count, dim) = groups(&mosaic, batch * height * width);
-        fold::launch(
-            &client,
-            count,
-            dim,
-            of_mosaic.into_buffer_arg(),
-            mosaic.into_buffer_arg(),
-            frames.numbers.into_buffer_arg(),
-            frames.words.into_buffer_arg(),
-            d_raw.clone().into_buffer_arg(),
-            self.sizes(),
-            self.is_stabilised(),
-        );
+        let [from, mosaic, to] = buffers([&of_mosaic, &mosaic, &d_raw]);
+        let [levels, reds] = buffers([&frames.numbers, &frames.words]);
+        fold::launch(&client, count, dim, from, mosaic, levels, reds, to, self.sizes(), is_stabilised);
         vec![Some(given(d_raw))]
     }
 }

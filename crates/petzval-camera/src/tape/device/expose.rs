@@ -10,11 +10,11 @@ use burn_cubecl::tensor::CubeTensor;
 use petzval_base::random::Stage;
 
 use super::draws::{At, CORRECTIONS, first, normals, pair, poisson, rare_exponential};
-use super::{empty, given, groups, is_served, numbers, taken, words};
+use super::{buffers, empty, given, groups, is_served, numbers, taken, words};
 use crate::image::CHANNELS;
 use crate::sensor::{Electronics, NoiseMode, shared_lines};
-use crate::tape::DeviceForm;
 use crate::tape::expose_op::ExposeKernel;
+use crate::tape::{Cotangent, DeviceForm};
 
 /// What compiles a kernel of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -117,46 +117,23 @@ impl DeviceForm for ExposeKernel {
         let Inputs { irradiance, numbers, words, lines, tile } = self.inputs(&inputs[0]);
         let dn = empty(&irradiance, self.shape);
         let (count, dim) = groups(&dn, self.shape.iter().product());
-        expose_pixels::launch(
-            &dn.client,
-            count,
-            dim,
-            irradiance.into_buffer_arg(),
-            numbers.into_buffer_arg(),
-            words.into_buffer_arg(),
-            lines.into_buffer_arg(),
-            tile.into_buffer_arg(),
-            dn.clone().into_buffer_arg(),
-            self.sizes(),
-            self.physics(),
-        );
+        let [light, numbers, words] = buffers([&irradiance, &numbers, &words]);
+        let [lines, tile, to] = buffers([&lines, &tile, &dn]);
+        let (client, sizes, physics) = (&dn.client, self.sizes(), self.physics());
+        expose_pixels::launch(client, count, dim, light, numbers, words, lines, tile, to, sizes, physics);
         given(dn)
     }
 
-    fn backward(
-        &self,
-        inputs: &[DispatchTensor],
-        _: Option<&DispatchTensor>,
-        gradient: &DispatchTensor,
-        _: &[bool],
-    ) -> Vec<Option<DispatchTensor>> {
+    fn backward(&self, inputs: &[DispatchTensor], at: Cotangent<'_>) -> Vec<Option<DispatchTensor>> {
         // The slopes are those of the same draws, which are made again.
         let Inputs { irradiance, numbers, words, lines, tile } = self.inputs(&inputs[0]);
         let bar = empty(&irradiance, irradiance.shape());
         let (count, dim) = groups(&bar, self.shape.iter().product());
+        let [light, numbers, words] = buffers([&irradiance, &numbers, &words]);
+        let [lines, tile, d_dn, to] = buffers([&lines, &tile, &taken(at.gradient), &bar]);
+        let (client, sizes, physics) = (&bar.client, self.sizes(), self.physics());
         pull_back_pixels::launch(
-            &bar.client,
-            count,
-            dim,
-            irradiance.into_buffer_arg(),
-            numbers.into_buffer_arg(),
-            words.into_buffer_arg(),
-            lines.into_buffer_arg(),
-            tile.into_buffer_arg(),
-            taken(gradient).into_buffer_arg(),
-            bar.clone().into_buffer_arg(),
-            self.sizes(),
-            self.physics(),
+            client, count, dim, light, numbers, words, lines, tile, d_dn, to, sizes, physics,
         );
         vec![Some(given(bar))]
     }

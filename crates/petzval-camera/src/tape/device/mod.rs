@@ -46,6 +46,11 @@ pub fn empty(like: &CubeTensor, shape: impl Into<Shape>) -> CubeTensor {
     empty_device_contiguous_dtype(like.client.clone(), like.device.clone(), shape.into(), DType::F32)
 }
 
+/// Tensors as arguments of a kernel.
+fn buffers<const N: usize>(all: [&CubeTensor; N]) -> [BufferArg; N] {
+    all.map(|tensor| tensor.clone().into_buffer_arg())
+}
+
 /// Numbers on the device of a tensor. An empty list becomes one zero: devices have no empty buffers.
 fn numbers(like: &CubeTensor, values: &[f32]) -> CubeTensor {
     uploaded(like, f32::as_bytes(if values.is_empty() { &[0.0] } else { values }), DType::F32)

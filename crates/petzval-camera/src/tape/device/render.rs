@@ -6,12 +6,12 @@ use burn_cubecl::cubecl::prelude::*;
 use burn_cubecl::tensor::CubeTensor;
 
 use super::convolve::{Blend, support};
-use super::{empty, given, groups, is_served, numbers, read, shaped, taken, words};
+use super::{buffers, empty, given, groups, is_served, numbers, read, shaped, taken, words};
 use crate::image::CHANNELS;
 use crate::psf::PsfLayout;
 use crate::render::{PatchKernels, Placement, RenderGeometry, patch_kernels, patch_kernels_adjoint};
 use crate::tape::render_op::{CHECKED, IlluminationKernel, RenderKernel};
-use crate::tape::{DeviceForm, Kernel, View};
+use crate::tape::{Cotangent, DeviceForm, Kernel, View};
 
 /// The derivatives by PSF values and field radii from those by their kernels on a device.
 pub fn by_psfs(
@@ -60,13 +60,8 @@ impl DeviceForm for RenderKernel {
         given(blend.convolved(&self.scenes_on(&psfs), &of_kernels, self.radius, support(&kernels)))
     }
 
-    fn backward(
-        &self,
-        inputs: &[DispatchTensor],
-        _: Option<&DispatchTensor>,
-        gradient: &DispatchTensor,
-        wanted: &[bool],
-    ) -> Vec<Option<DispatchTensor>> {
+    fn backward(&self, inputs: &[DispatchTensor], at: Cotangent<'_>) -> Vec<Option<DispatchTensor>> {
+        let Cotangent { gradient, wanted, .. } = at;
         let psfs = taken(&inputs[0]);
         let mut sum = PatchKernels::zeros(self.radius, &self.active);
         let blend = self.blend(&psfs, &sum.patches);
@@ -87,32 +82,18 @@ impl DeviceForm for IlluminationKernel {
         let places = self.placements.iter().flat_map(|p| [p.row as u32, p.col as u32]).collect::<Vec<_>>();
         let map = empty(&table, self.shape);
         let (count, dim) = groups(&table, self.shape.iter().product());
-        let geometry = &self.geometry;
-        illuminate::launch(
-            &map.client,
-            count,
-            dim,
-            table.clone().into_buffer_arg(),
-            numbers(&table, &radii).into_buffer_arg(),
-            words(&table, &places).into_buffer_arg(),
-            map.clone().into_buffer_arg(),
-            height,
-            width,
-            0.5 * (geometry.sensor_height as f32 - 1.0),
-            0.5 * (geometry.sensor_width as f32 - 1.0),
-            (geometry.pixel_um * 1e-3) as f32,
-        );
+        let RenderGeometry { sensor_height, sensor_width, pixel_um, .. } = self.geometry;
+        let [y, x] = [sensor_height, sensor_width].map(|pixels| 0.5 * (pixels as f32 - 1.0));
+        let (client, pixel_mm) = (&map.client, (pixel_um * 1e-3) as f32);
+        let [radii, places] = [numbers(&table, &radii), words(&table, &places)];
+        let [table, radii, places, to] = buffers([&table, &radii, &places, &map]);
+        illuminate::launch(client, count, dim, table, radii, places, to, height, width, y, x, pixel_mm);
         given(map)
     }
 
     /// On the host: only a lens that moves wants it.
-    fn backward(
-        &self,
-        inputs: &[DispatchTensor],
-        _: Option<&DispatchTensor>,
-        gradient: &DispatchTensor,
-        wanted: &[bool],
-    ) -> Vec<Option<DispatchTensor>> {
+    fn backward(&self, inputs: &[DispatchTensor], at: Cotangent<'_>) -> Vec<Option<DispatchTensor>> {
+        let Cotangent { gradient, wanted, .. } = at;
         let inputs: Vec<CubeTensor> = inputs.iter().map(taken).collect();
         let all: Vec<Vec<f32>> = inputs.iter().map(read).collect();
         let view = |(values, tensor): (&Vec<f32>, &CubeTensor)| (values.clone(), tensor.shape());

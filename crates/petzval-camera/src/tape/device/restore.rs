@@ -11,12 +11,12 @@ use burn_cubecl::tensor::CubeTensor;
 use super::convolve::{Blend, whole};
 use super::draws::exp;
 use super::render::by_psfs;
-use super::{empty, given, groups, is_served, numbers, read, taken, words};
+use super::{buffers, empty, given, groups, is_served, numbers, read, taken, words};
 use crate::image::CHANNELS;
 use crate::render::{KNOTS, PatchKernels, WienerGrid, patch_kernels};
 use crate::tape::render_op::CHECKED;
 use crate::tape::restore_op::RestoreKernel;
-use crate::tape::{DeviceForm, Restoration};
+use crate::tape::{Cotangent, DeviceForm, Restoration};
 
 /// Kernels, filters and what leads from ones to the others.
 struct Filters {
@@ -69,11 +69,11 @@ impl Grid {
         let (bins, side) = (self.n / 2 + 1, 2 * radius + 1);
         let lines = empty(kernels, [count * bins * side * 2]);
         let (cubes, dim) = groups(kernels, count * bins * side);
-        let [from, circle, to] = [kernels, &self.circle, &lines].map(|t| t.clone().into_buffer_arg());
+        let [from, circle, to] = buffers([kernels, &self.circle, &lines]);
         rows_forward::launch(&lines.client, cubes, dim, from, circle, to, self.n, radius);
         let spectra = empty(kernels, [count * self.len() * 2]);
         let (cubes, dim) = groups(kernels, count * self.len());
-        let [from, circle, to] = [&lines, &self.circle, &spectra].map(|t| t.clone().into_buffer_arg());
+        let [from, circle, to] = buffers([&lines, &self.circle, &spectra]);
         cols_forward::launch(&lines.client, cubes, dim, from, circle, to, self.n, radius);
         spectra
     }
@@ -83,11 +83,11 @@ impl Grid {
         let (bins, side) = (self.n / 2 + 1, 2 * radius + 1);
         let lines = empty(spectra, [count * bins * side * 2]);
         let (cubes, dim) = groups(spectra, count * bins * side);
-        let [from, circle, to] = [spectra, &self.circle, &lines].map(|t| t.clone().into_buffer_arg());
+        let [from, circle, to] = buffers([spectra, &self.circle, &lines]);
         cols_inverse::launch(&lines.client, cubes, dim, from, circle, to, self.n, radius);
         let kernels = empty(spectra, [count * side * side]);
         let (cubes, dim) = groups(spectra, count * side * side);
-        let [from, circle, to] = [&lines, &self.circle, &kernels].map(|t| t.clone().into_buffer_arg());
+        let [from, circle, to] = buffers([&lines, &self.circle, &kernels]);
         rows_inverse::launch(&lines.client, cubes, dim, from, circle, to, self.n, radius);
         kernels
     }
@@ -106,20 +106,13 @@ impl RestoreKernel {
         let count = made.patches.len() * CHANNELS;
         let regularisation = empty(pictures, [CHANNELS * grid.len()]);
         let (cubes, dim) = groups(pictures, CHANNELS * grid.len());
-        regularise::launch(
-            &kernels.client,
-            cubes,
-            dim,
-            taken(&inputs[3]).into_buffer_arg(),
-            grid.prior.clone().into_buffer_arg(),
-            grid.knots.clone().into_buffer_arg(),
-            grid.uppers.clone().into_buffer_arg(),
-            regularisation.clone().into_buffer_arg(),
-        );
+        let [curves, prior] = buffers([&taken(&inputs[3]), &grid.prior]);
+        let [knots, uppers, to] = buffers([&grid.knots, &grid.uppers, &regularisation]);
+        regularise::launch(&kernels.client, cubes, dim, curves, prior, knots, uppers, to);
         let spectra = grid.transformed(&kernels, count, made.radius);
         let inverse = empty(pictures, [count * grid.len() * 2]);
         let (cubes, dim) = groups(pictures, count * grid.len());
-        let [of, by, to] = [&spectra, &regularisation, &inverse].map(|t| t.clone().into_buffer_arg());
+        let [of, by, to] = buffers([&spectra, &regularisation, &inverse]);
         invert::launch(&kernels.client, cubes, dim, of, by, to);
         let filters = grid.back(&inverse, count, grid.reach);
         let blend = Blend::new(pictures, geometry, &made.patches, placements, [height, width]);
@@ -132,7 +125,7 @@ impl RestoreKernel {
         let [batch, _, height, width] = self.shape;
         let out = empty(pictures, [batch, CHANNELS, height + 2 * radius, width + 2 * radius]);
         let (cubes, dim) = groups(pictures, out.shape().num_elements());
-        let [from, to] = [pictures, &out].map(|t| t.clone().into_buffer_arg());
+        let [from, to] = buffers([pictures, &out]);
         repeat_edges::launch(&out.client, cubes, dim, from, to, height, width, radius);
         out
     }
@@ -150,13 +143,8 @@ impl DeviceForm for RestoreKernel {
         given(blend.convolved(&seen, &filters, grid.reach, whole(grid.reach)))
     }
 
-    fn backward(
-        &self,
-        inputs: &[DispatchTensor],
-        _: Option<&DispatchTensor>,
-        gradient: &DispatchTensor,
-        wanted: &[bool],
-    ) -> Vec<Option<DispatchTensor>> {
+    fn backward(&self, inputs: &[DispatchTensor], at: Cotangent<'_>) -> Vec<Option<DispatchTensor>> {
+        let Cotangent { gradient, wanted, .. } = at;
         let Restoration { layout, geometry, .. } = &self.restoration;
         let [_, _, height, width] = self.shape;
         let (pictures, bar) = (taken(&inputs[0]), taken(gradient));
@@ -168,7 +156,7 @@ impl DeviceForm for RestoreKernel {
             let by_seen = blend.by_scenes(&bar, &filters, reach, whole(reach));
             let out = empty(&pictures, self.shape);
             let (cubes, dim) = groups(&pictures, self.shape.iter().product());
-            let [from, to] = [&by_seen, &out].map(|t| t.clone().into_buffer_arg());
+            let [from, to] = buffers([&by_seen, &out]);
             fold_edges::launch(&out.client, cubes, dim, from, to, height, width, reach);
             given(out)
         });
@@ -184,21 +172,12 @@ impl DeviceForm for RestoreKernel {
             let bins = grid.n / 2 + 1;
             let parts = empty(&pictures, [count * bins * KNOTS]);
             let (cubes, dim) = groups(&pictures, count * bins);
-            curves_back::launch(
-                &parts.client,
-                cubes,
-                dim,
-                by_spectra.clone().into_buffer_arg(),
-                spectra.clone().into_buffer_arg(),
-                regularisation.clone().into_buffer_arg(),
-                grid.knots.clone().into_buffer_arg(),
-                grid.uppers.clone().into_buffer_arg(),
-                parts.clone().into_buffer_arg(),
-                grid.n,
-            );
+            let [bars, of, by] = buffers([&by_spectra, &spectra, &regularisation]);
+            let [knots, uppers, to] = buffers([&grid.knots, &grid.uppers, &parts]);
+            curves_back::launch(&parts.client, cubes, dim, bars, of, by, knots, uppers, to, grid.n);
             let out = empty(&pictures, [CHANNELS, KNOTS]);
             let (cubes, dim) = groups(&pictures, CHANNELS * KNOTS);
-            let [from, to] = [&parts, &out].map(|t| t.clone().into_buffer_arg());
+            let [from, to] = buffers([&parts, &out]);
             add_curves::launch(&out.client, cubes, dim, from, to, bins, 1.0 / (grid.n * grid.n) as f32);
             given(out)
         });
@@ -206,15 +185,8 @@ impl DeviceForm for RestoreKernel {
         if wanted[1] || wanted[2] {
             let by_kernels = empty(&pictures, [count * grid.len() * 2]);
             let (cubes, dim) = groups(&pictures, count * grid.len());
-            invert_back::launch(
-                &by_kernels.client,
-                cubes,
-                dim,
-                by_spectra.into_buffer_arg(),
-                spectra.into_buffer_arg(),
-                regularisation.into_buffer_arg(),
-                by_kernels.clone().into_buffer_arg(),
-            );
+            let [bars, of, by, to] = buffers([&by_spectra, &spectra, &regularisation, &by_kernels]);
+            invert_back::launch(&by_kernels.client, cubes, dim, bars, of, by, to);
             let values = read(&grid.back(&by_kernels, count, radius));
             let d_kernels = PatchKernels { radius, patches, values };
             [by_values, by_radii] =

@@ -94,11 +94,7 @@ impl Fields for Object {}
 impl Fields for Corners {}
 
 /// Reads a JSON file, or all of those below a folder. Pictures are looked for by name below the folder.
-pub(super) fn convert_bdd100k(
-    root: &Path,
-    turned: Option<bool>,
-    cancel: &Cancel,
-) -> Result<Converted, CocoError> {
+pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Result<Converted, CocoError> {
     // A single file has its pictures beside it or in the folders around.
     let (labels, base) = if root.is_dir() {
         (files_below(root, cancel)?.into_iter().filter(|p| ends_with(p, "json")).collect(), root.to_owned())
@@ -106,11 +102,8 @@ pub(super) fn convert_bdd100k(
         (vec![root.to_owned()], folder_around(root))
     };
     if labels.is_empty() {
-        return Err(CocoError::content(
-            root,
-            "there is no JSON file",
-            "name the folder that holds `labels` and `images`",
-        ));
+        let hint = "name the folder that holds `labels` and `images`";
+        return Err(CocoError::content(root, "there is no JSON file", hint));
     }
     let files = files_below(&base, cancel)?;
     let by_names = Pictures::among(&base, &files);
@@ -124,20 +117,10 @@ pub(super) fn convert_bdd100k(
         }
         for picture in pictures {
             cancel.check()?;
-            let picture = match picture {
-                Record::Table(picture) => picture,
-                Record::Other(other) => {
-                    builder.wrong(path, no_table("frames", &other));
-                    continue;
-                }
-            };
-            let name = match picture.name.text() {
-                Ok(name) => name.to_owned(),
-                Err(wrong) => {
-                    builder.wrong(path, wrong_value("name", &wrong, "the name of the file of the picture"));
-                    continue;
-                }
-            };
+            let Some(picture) = builder.understood(path, table("frames", &picture)) else { continue };
+            let wanted = "the name of the file of the picture";
+            let name = picture.name.text().map_err(|wrong| wrong_value("name", &wrong, wanted));
+            let Some(name) = builder.understood(path, name).map(str::to_owned) else { continue };
             // Older files leave the ending out.
             let short = Path::new(&name).file_name().unwrap_or(OsStr::new(""));
             let stated = Path::new(&name);
@@ -149,12 +132,10 @@ pub(super) fn convert_bdd100k(
                 image.sequence = Some(video);
             }
             let id = image.id;
-            match picture.size.as_ref().map(pixels).transpose() {
-                Ok(size) => size.into_iter().for_each(|size| builder.stated(id, size)),
-                Err(mut error) => {
-                    error.key = format!("{name}: {}", error.key);
-                    builder.wrong(path, error);
-                }
+            let of_picture = |error: FileError| FileError { key: format!("{name}: {}", error.key), ..error };
+            let size = picture.size.as_ref().map(pixels).transpose().map_err(of_picture);
+            if let Some(size) = builder.understood(path, size).flatten() {
+                builder.stated(id, size);
             }
             if picture.attributes != Loose::Absent {
                 builder.unread("attributes of a picture");
@@ -168,9 +149,9 @@ pub(super) fn convert_bdd100k(
                             builder.lose_label(id);
                         }
                     }
-                    Err(mut error) => {
-                        error.key = format!("{name}: labels[{i}].{}", error.key);
-                        builder.wrong(path, error);
+                    Err(error) => {
+                        let key = format!("{name}: labels[{i}].{}", error.key);
+                        builder.wrong(path, FileError { key, ..error });
                     }
                 }
             }
@@ -200,16 +181,9 @@ fn pictures_of(path: &Path) -> Result<(Vec<Record<Picture>>, bool), CocoError> {
         _ => serde_json::from_slice(&bytes).map(Contents::List),
     };
     let contents = contents.map_err(|e| {
+        let hint = "a BDD100K file is a list of {name, labels: [{category, box2d: {x1, y1, x2, y2}}]}";
         let error = json_error(&bytes, &e);
-        CocoError::file(
-            path,
-            if e.is_data() {
-                error
-                    .hint("a BDD100K file is a list of {name, labels: [{category, box2d: {x1, y1, x2, y2}}]}")
-            } else {
-                error
-            },
-        )
+        CocoError::file(path, if e.is_data() { error.hint(hint) } else { error })
     })?;
     Ok(match contents {
         Contents::List(pictures) => (pictures, true),
@@ -226,21 +200,14 @@ fn pictures_of(path: &Path) -> Result<(Vec<Record<Picture>>, bool), CocoError> {
 
 /// True if a file labels only lanes and areas, and so no objects.
 fn is_of_lanes(pictures: &[Record<Picture>]) -> bool {
-    let labels = pictures.iter().filter_map(|picture| match picture {
-        Record::Table(picture) => picture.labels.as_ref(),
-        Record::Other(_) => None,
-    });
+    let labels = pictures.iter().filter_map(|picture| picture.table()?.labels.as_ref());
     let mut labels = labels.flatten().peekable();
-    labels.peek().is_some()
-        && labels.all(|label| matches!(label, Record::Table(object) if object.is_lane_or_area()))
+    labels.peek().is_some() && labels.all(|label| label.table().is_some_and(Object::is_lane_or_area))
 }
 
 /// The stated size of a picture, columns and rows, px.
 fn pixels(size: &Record<Size>) -> Result<(u32, u32), FileError> {
-    let size = match size {
-        Record::Table(size) => size,
-        Record::Other(other) => return Err(no_table("size", other)),
-    };
+    let size = table("size", size)?;
     let side = |value: &Loose, name: &str| {
         let whole = value.whole().and_then(|n| u32::try_from(n).map_err(|_| Wrong::Type(n.to_string())));
         whole.map_err(|wrong| wrong_value(&format!("size.{name}"), &wrong, "a whole number of pixels"))
@@ -254,20 +221,14 @@ fn label<'a>(
     place: &dyn Fn() -> String,
     defects: &mut Defects,
 ) -> Result<Option<Label<'a>>, FileError> {
-    let object = match object {
-        Record::Table(object) => object,
-        Record::Other(other) => return Err(no_table("", other)),
+    let object = table("", object)?;
+    let Some(corners) = &object.box2d else {
+        let kind =
+            if object.is_lane_or_area() { DefectKind::LaneOrArea } else { DefectKind::LabelWithoutBox };
+        defects.add(kind, || format!("{}, category {}: no `box2d`", place(), object.category));
+        return Ok(None);
     };
-    let corners = match &object.box2d {
-        None => {
-            let kind =
-                if object.is_lane_or_area() { DefectKind::LaneOrArea } else { DefectKind::LabelWithoutBox };
-            defects.add(kind, || format!("{}, category {}: no `box2d`", place(), object.category));
-            return Ok(None);
-        }
-        Some(Record::Table(corners)) => corners,
-        Some(Record::Other(other)) => return Err(no_table("box2d", other)),
-    };
+    let corners = table("box2d", corners)?;
     let class =
         object.category.text().map_err(|wrong| wrong_value("category", &wrong, "the name of the class"))?;
     let value = |value: &Loose, name: &str| {
@@ -323,8 +284,11 @@ fn state(colour: &str) -> Option<String> {
     Some(state.to_owned())
 }
 
-fn no_table(key: &str, found: &Loose) -> FileError {
-    wrong_value(key, &Wrong::Type(found.to_string()), "a table")
+fn table<'a, T>(key: &str, record: &'a Record<T>) -> Result<&'a T, FileError> {
+    match record {
+        Record::Table(record) => Ok(record),
+        Record::Other(found) => Err(wrong_value(key, &Wrong::Type(found.to_string()), "a table")),
+    }
 }
 
 fn wrong_value(key: &str, wrong: &Wrong, wanted: &str) -> FileError {
@@ -334,12 +298,6 @@ fn wrong_value(key: &str, wrong: &Wrong, wanted: &str) -> FileError {
         Wrong::NotFinite(value) => (value.as_str(), "this is no finite number"),
         Wrong::Unlisted(value) => (value.as_str(), "this is not listed"),
     };
-    FileError {
-        line: None,
-        column: None,
-        key: key.to_owned(),
-        value: value.to_owned(),
-        message: message.to_owned(),
-        hint: Some(format!("write {wanted}")),
-    }
+    let error = FileError::at_line(0, "", message).hint(format!("write {wanted}"));
+    FileError { key: key.to_owned(), value: value.to_owned(), ..error }
 }

@@ -96,6 +96,11 @@ impl Builder {
         self.first_error.get_or_insert_with(|| (path.to_owned(), error));
     }
 
+    /// What was read of a file; `None` after a note of the place that cannot be understood.
+    pub fn understood<T>(&mut self, path: &Path, read: Result<T, FileError>) -> Option<T> {
+        read.map_err(|error| self.wrong(path, error)).ok()
+    }
+
     /// Adds a class, if it is new; its number.
     pub fn category(&mut self, name: &str) -> u64 {
         if let Some(id) = self.categories.get(name) {
@@ -115,28 +120,18 @@ impl Builder {
             let place = self.data.images.binary_search_by_key(&(*id)?, |image| image.id).ok()?;
             return self.data.images.get_mut(place);
         }
-        let head = match picture_head(path) {
-            Ok(head) => head,
-            Err(error) => {
-                self.defects.add(DefectKind::UnreadablePicture, || error.to_string());
-                self.taken.insert(path.to_owned(), None);
-                return None;
-            }
-        };
+        let head = picture_head(path).inspect_err(|error| {
+            self.defects.add(DefectKind::UnreadablePicture, || error.to_string());
+            self.taken.insert(path.to_owned(), None);
+        });
+        let head = head.ok()?;
         let id = self.sources.len() as u64 + 1;
         let file_name = self.free_name(root, path);
         let (width, height) = head.upright();
         self.sources.insert(id, Source { path: path.to_owned(), head, stated: None });
         self.taken.insert(path.to_owned(), Some(id));
-        self.data.images.push(Image {
-            id,
-            file_name,
-            width,
-            height,
-            split,
-            turned: head.is_turned().then_some(true),
-            ..Image::default()
-        });
+        let turned = head.is_turned().then_some(true);
+        self.data.images.push(Image { id, file_name, width, height, split, turned, ..Image::default() });
         self.data.images.last_mut()
     }
 

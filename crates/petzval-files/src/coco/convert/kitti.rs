@@ -62,11 +62,7 @@ struct Line {
 }
 
 /// Reads a folder with `label_2/*.txt` and `image_2/`, or the folder `training` around it.
-pub(super) fn convert_kitti(
-    root: &Path,
-    turned: Option<bool>,
-    cancel: &Cancel,
-) -> Result<Converted, CocoError> {
+pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Result<Converted, CocoError> {
     let base =
         [root.to_owned(), root.join("training")].into_iter().find(|base| base.join("label_2").is_dir());
     let Some(base) = base else {
@@ -156,8 +152,7 @@ fn drives(base: &Path) -> Result<Vec<String>, CocoError> {
 fn parse_line(number: u32, line: &str) -> Result<Line, FileError> {
     let words: Vec<&str> = line.split_whitespace().collect();
     if !VALUES.contains(&words.len()) {
-        let message = format!("the line has {} values", words.len());
-        return Err(FileError::at_line(number, line, message)
+        return Err(FileError::at_line(number, line, format!("the line has {} values", words.len()))
             .hint("give 15: type truncated occluded alpha left top right bottom height width length x y z rotation_y"));
     }
     let value = |i: usize, name: &str| -> Result<f64, FileError> {

@@ -45,9 +45,9 @@ pub fn convert(
     cancel: &Cancel,
 ) -> Result<Converted, CocoError> {
     match format {
-        SourceFormat::Kitti => kitti::convert_kitti(root, turned, cancel),
-        SourceFormat::Bdd100k => bdd100k::convert_bdd100k(root, turned, cancel),
-        SourceFormat::Yolo => yolo::convert_yolo(root, turned, cancel),
-        SourceFormat::Voc => voc::convert_voc(root, turned, cancel),
+        SourceFormat::Kitti => kitti::convert(root, turned, cancel),
+        SourceFormat::Bdd100k => bdd100k::convert(root, turned, cancel),
+        SourceFormat::Yolo => yolo::convert(root, turned, cancel),
+        SourceFormat::Voc => voc::convert(root, turned, cancel),
     }
 }

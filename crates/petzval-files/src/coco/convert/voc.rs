@@ -21,11 +21,7 @@ use crate::coco::defect::DefectKind;
 use crate::coco::error::CocoError;
 
 /// Reads a folder with `Annotations/*.xml` and `JPEGImages/`, or with XML files beside the pictures.
-pub(super) fn convert_voc(
-    root: &Path,
-    turned: Option<bool>,
-    cancel: &Cancel,
-) -> Result<Converted, CocoError> {
+pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Result<Converted, CocoError> {
     let files = files_below(root, cancel)?;
     let labels: Vec<&PathBuf> = files.iter().filter(|path| ends_with(path, "xml")).collect();
     if labels.is_empty() {
@@ -38,13 +34,8 @@ pub(super) fn convert_voc(
     let mut labels_of: HashMap<&Path, &Path> = HashMap::new();
     for path in labels {
         cancel.check()?;
-        let read = match xml_text(path)?.and_then(|text| parse(&text)) {
-            Ok(read) => read,
-            Err(error) => {
-                builder.wrong(path, error);
-                continue;
-            }
-        };
+        let read = xml_text(path)?.and_then(|text| parse(&text));
+        let Some(read) = builder.understood(path, read) else { continue };
         // Names of pictures are not always kept up to date; the name of the labels is.
         let stem = path.file_stem().unwrap_or(OsStr::new(""));
         let stated = Path::new(read.file_name.as_deref().unwrap_or(""));

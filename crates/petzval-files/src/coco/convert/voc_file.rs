@@ -62,14 +62,9 @@ pub(super) fn parse(text: &str) -> Result<Labels, FileError> {
             };
             let message = e.to_string();
             let reason = message.split(" at ").next().unwrap_or(&message);
-            FileError {
-                line: Some(line),
-                column,
-                key: String::new(),
-                value: quote(text.lines().nth(line.saturating_sub(1) as usize).unwrap_or("")),
-                message: format!("this is not XML: {reason}"),
-                hint: Some(hint.to_owned()),
-            }
+            let record = text.lines().nth(line.saturating_sub(1) as usize).unwrap_or("");
+            let error = FileError::at_line(line, record, format!("this is not XML: {reason}")).hint(hint);
+            FileError { line: Some(line), column, ..error }
         })?;
     let root = document.root_element();
     if root.tag_name().name() != "annotation" {
@@ -266,14 +261,9 @@ fn number(node: Node, name: &'static str) -> Result<f64, FileError> {
 
 fn error(node: Node, message: impl Into<String>, hint: &str) -> FileError {
     let place = node.document().text_pos_at(node.range().start);
-    FileError {
-        line: Some(place.row),
-        column: Some(place.col),
-        key: String::new(),
-        value: format!("<{}>", node.tag_name().name()),
-        message: message.into(),
-        hint: Some(hint.to_owned()),
-    }
+    let value = format!("<{}>", node.tag_name().name());
+    let error = FileError::at_line(0, "", message).hint(hint);
+    FileError { line: Some(place.row), column: Some(place.col), value, ..error }
 }
 
 #[cfg(test)]

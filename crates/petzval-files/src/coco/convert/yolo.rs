@@ -35,11 +35,7 @@ use crate::coco::error::CocoError;
 const ROUNDING: f64 = 0.01;
 
 /// Reads a folder.
-pub(super) fn convert_yolo(
-    root: &Path,
-    turned: Option<bool>,
-    cancel: &Cancel,
-) -> Result<Converted, CocoError> {
+pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Result<Converted, CocoError> {
     let files = files_below(root, cancel)?;
     let page = names_of(root, &files)?;
     let (names, keypoints) = (&page.classes, page.keypoints);
@@ -67,13 +63,8 @@ pub(super) fn convert_yolo(
         let Some(path) = path else { continue };
         let text = labels_text(&path)?;
         for (number, line) in (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty()) {
-            let (class, shape) = match parse_line(number, line, names.len(), keypoints) {
-                Ok(read) => read,
-                Err(error) => {
-                    builder.wrong(&path, error);
-                    continue;
-                }
-            };
+            let read = parse_line(number, line, names.len(), keypoints);
+            let Some((class, shape)) = builder.understood(&path, read) else { continue };
             let place = || format!("{}: line {number}", path.display());
             let pixels = |[x, y]: [f64; 2]| [x * size[0], y * size[1]];
             let bounds = match shape {
@@ -160,8 +151,7 @@ fn parse_line(
     }
     let class = words[0].parse().ok().filter(|v: &f64| *v >= 0.0 && v.fract() == 0.0);
     let class = class.filter(|v| *v < classes as f64).ok_or_else(|| {
-        let message = format!("there is no class of this number among {classes}");
-        FileError::at_line(number, words[0], message)
+        FileError::at_line(number, words[0], format!("there is no class of this number among {classes}"))
             .hint("classes are numbered from 0, in the order of `names`")
     })?;
     let mut shares = Vec::with_capacity(words.len() - 1);

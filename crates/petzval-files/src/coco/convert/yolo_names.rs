@@ -89,11 +89,8 @@ pub(super) fn names_of(root: &Path, files: &[PathBuf]) -> Result<Names, CocoErro
         Some(path) => format!("{} has no `names`", path.display()),
         None => "no file names the classes".to_owned(),
     };
-    Err(CocoError::content(
-        root,
-        reason,
-        "add `data.yaml` with a list `names:`, or `classes.txt` with one name in a line",
-    ))
+    let hint = "add `data.yaml` with a list `names:`, or `classes.txt` with one name in a line";
+    Err(CocoError::content(root, reason, hint))
 }
 
 /// An error of the YAML reader, which has no hint for some mistakes.

@@ -67,10 +67,8 @@ pub fn parse(text: &str, folder: &Path) -> Result<Captures, FileError> {
                 point.frames.push(folder.join(rest.trim().replace('\\', "/")).into());
             }
             ("v" | "n" | "b" | "d" | "i", _) => {
-                return Err(wrong(
-                    "a record with the wrong number of words",
-                    "`v VERSION`, `n BITS WIDTH HEIGHT`, `b NS PHOTONS`, `d NS`, `i FILE`",
-                ));
+                let hint = "`v VERSION`, `n BITS WIDTH HEIGHT`, `b NS PHOTONS`, `d NS`, `i FILE`";
+                return Err(wrong("a record with the wrong number of words", hint));
             }
             _ => return Err(wrong("an unknown record", "records begin with v, n, b, d or i")),
         }

@@ -127,25 +127,15 @@ pub fn parse(text: &str, folder: &Path) -> Result<Captures, FileError> {
             return Err(error.hint("leave the key out if the photons are not known"));
         }
         let (line, _) = line_of(text, spanned.span().start);
+        let gain = maybe("linear_gain", &entry.linear_gain, 1e-6, 1e6, "the linear gain")?;
+        let (exposure, black) = ("the exposure time in milliseconds", "the black level of this gain in DN");
+        let exposure_ms = within("exposure_ms", &entry.exposure_ms, 0.0, 1e9, exposure)?;
         points.push(Point {
             kind,
-            linear_gain: maybe("linear_gain", &entry.linear_gain, 1e-6, 1e6, "the linear gain")?
-                .unwrap_or(1.0),
-            exposure_s: within(
-                "exposure_ms",
-                &entry.exposure_ms,
-                0.0,
-                1e9,
-                "the exposure time in milliseconds",
-            )? / 1e3,
+            linear_gain: gain.unwrap_or(1.0),
+            exposure_s: exposure_ms / 1e3,
             photons: if kind == Kind::Dark { Some(0.0) } else { photons },
-            black_level_dn: maybe(
-                "black_level_dn",
-                &entry.black_level_dn,
-                0.0,
-                max_dn,
-                "the black level of this gain in DN",
-            )?,
+            black_level_dn: maybe("black_level_dn", &entry.black_level_dn, 0.0, max_dn, black)?,
             frames: entry.frames.iter().map(|name| folder.join(name.replace('\\', "/")).into()).collect(),
             line,
         });

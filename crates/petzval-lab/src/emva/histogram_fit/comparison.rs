@@ -159,10 +159,6 @@ pub fn goodness(captured: &[u64], expected: &[f64], n: f64) -> GoodnessOfFit {
     }
     let chi2: f64 = bins.iter().map(|(c, e)| (c - e).powi(2) / e.max(1e-3)).sum();
     let degrees_of_freedom = bins.len().saturating_sub(1);
-    GoodnessOfFit {
-        reduced_chi2: chi2 / degrees_of_freedom.max(1) as f64,
-        degrees_of_freedom,
-        kolmogorov_smirnov: ks,
-        total_variation: variation,
-    }
+    let reduced_chi2 = chi2 / degrees_of_freedom.max(1) as f64;
+    GoodnessOfFit { reduced_chi2, degrees_of_freedom, kolmogorov_smirnov: ks, total_variation: variation }
 }

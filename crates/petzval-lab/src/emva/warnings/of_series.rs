@@ -52,14 +52,11 @@ fn of_converter(flags: &ConverterFlags) -> Vec<Warning> {
 /// Gains whose `K_g / g` differs from the median of all by more than five standard errors and 2 %. A single wrong gain
 /// hardly shifts the median.
 fn not_proportional(joint: &JointFit) -> Vec<Warning> {
-    let all: Vec<(f64, f64, f64)> = joint
-        .rows
-        .iter()
-        .filter_map(|r| {
-            let at_unit = r.gain_at_unit_dn_per_e;
-            Some((r.linear_gain, at_unit.value()?, at_unit.standard_error()?))
-        })
-        .collect();
+    let all = joint.rows.iter().filter_map(|r| {
+        let at_unit = r.gain_at_unit_dn_per_e;
+        Some((r.linear_gain, at_unit.value()?, at_unit.standard_error()?))
+    });
+    let all: Vec<(f64, f64, f64)> = all.collect();
     let n = all.len();
     if n < 2 {
         return Vec::new();

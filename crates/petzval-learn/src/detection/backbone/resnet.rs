@@ -75,14 +75,11 @@ impl ResNet {
             for block in 0..count {
                 let step = if layer > 0 && block == 0 { 2 } else { 1 };
                 let name = format!("{name}.layer{}.{block}", layer + 1);
-                let convolutions = shapes(inputs, width, step)
-                    .into_iter()
-                    .enumerate()
-                    .map(|(i, shape)| {
-                        let (conv, norm) = (format!("{name}.conv{}", i + 1), format!("{name}.bn{}", i + 1));
-                        NormalizedConv::new(from, &conv, &norm, shape)
-                    })
-                    .collect::<Result<_, _>>()?;
+                let convolutions = shapes(inputs, width, step).into_iter().enumerate().map(|(i, shape)| {
+                    let (conv, norm) = (format!("{name}.conv{}", i + 1), format!("{name}.bn{}", i + 1));
+                    NormalizedConv::new(from, &conv, &norm, shape)
+                });
+                let convolutions = convolutions.collect::<Result<_, _>>()?;
                 let outputs = expansion * width;
                 let shortcut = ConvShape { step, ..ConvShape::new(inputs, outputs, 1) };
                 let shortcut = (step > 1 || inputs != outputs).then(|| {

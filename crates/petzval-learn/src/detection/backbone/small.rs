@@ -43,12 +43,9 @@ impl Block {
         let matrix = |part: &str, shape: [usize; 2], start: Start| {
             from.trained(&format!("{name}.{part}.weight"), shape, start)
         };
+        let around = format!("{name}.around.weight");
         Ok(Self {
-            around: from.trained(
-                &format!("{name}.around.weight"),
-                [width, KERNEL, KERNEL],
-                deviation(KERNEL * KERNEL),
-            )?,
+            around: from.trained(&around, [width, KERNEL, KERNEL], deviation(KERNEL * KERNEL))?,
             around_bias: bias("around", width)?,
             spread: matrix("spread", [4 * width, width], deviation(width))?,
             spread_bias: bias("spread", 4 * width)?,

@@ -10,7 +10,7 @@ use burn_cubecl::cubecl::calculate_cube_count_elemwise;
 use burn_cubecl::cubecl::prelude::*;
 use burn_cubecl::kernel::into_contiguous;
 use burn_cubecl::tensor::CubeTensor;
-use petzval_camera::tape::DeviceForm;
+use petzval_camera::tape::{Cotangent, DeviceForm};
 
 use crate::network::depthwise::Depthwise;
 
@@ -41,13 +41,8 @@ impl DeviceForm for Depthwise {
         given(correlated(x, weight, Some(bias)))
     }
 
-    fn backward(
-        &self,
-        inputs: &[DispatchTensor],
-        _: Option<&DispatchTensor>,
-        gradient: &DispatchTensor,
-        wanted: &[bool],
-    ) -> Vec<Option<DispatchTensor>> {
+    fn backward(&self, inputs: &[DispatchTensor], at: Cotangent<'_>) -> Vec<Option<DispatchTensor>> {
+        let Cotangent { gradient, wanted, .. } = at;
         let [x, weight, _] = inputs else { unreachable!("three inputs") };
         let [x, weight, gradient] = tensors([x, weight, gradient]);
         let size = weight.shape()[1];
@@ -264,24 +259,11 @@ fn sums_of_products(x: CubeTensor, gradient: CubeTensor, size: usize) -> (CubeTe
 
     let client = x.client.clone();
     let dim = CubeDim::new_2d(UNITS[0] as u32, UNITS[1] as u32);
-    let cubes = calculate_cube_count_elemwise(
-        &client,
-        parts * channels * (size / kernel_rows) * UNITS[0] * UNITS[1],
-        dim,
-    );
+    let count = parts * channels * (size / kernel_rows) * UNITS[0] * UNITS[1];
+    let cubes = calculate_cube_count_elemwise(&client, count, dim);
     let address = address_type(&[&x, &gradient, &for_weight]);
-    sum_products::launch(
-        &client,
-        cubes,
-        dim,
-        address,
-        x.into_tensor_arg(),
-        gradient.into_tensor_arg(),
-        for_weight.clone().into_tensor_arg(),
-        for_bias.clone().into_tensor_arg(),
-        lines,
-        size,
-        kernel_rows,
-    );
+    let [x, gradient] = [x, gradient].map(CubeTensor::into_tensor_arg);
+    let [weight, bias] = [&for_weight, &for_bias].map(|sums| sums.clone().into_tensor_arg());
+    sum_products::launch(&client, cubes, dim, address, x, gradient, weight, bias, lines, size, kernel_rows);
     (sum_of_parts(for_weight, [channels, size, size]), sum_of_parts(for_bias, [channels]))
 }

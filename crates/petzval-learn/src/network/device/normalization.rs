@@ -87,15 +87,8 @@ pub fn normalized(x: CubeTensor) -> CubeTensor {
     let client = x.client.clone();
     let (dim, cubes) = units(&client, batch * height * width);
     let address = address_type(&[&x, &n]);
-    normalize::launch(
-        &client,
-        cubes,
-        dim,
-        address,
-        x.into_tensor_arg(),
-        n.clone().into_tensor_arg(),
-        held(channels),
-    );
+    let [x, to] = [x, n.clone()].map(CubeTensor::into_tensor_arg);
+    normalize::launch(&client, cubes, dim, address, x, to, held(channels));
     n
 }
 
@@ -124,14 +117,8 @@ pub fn moments_of(x: CubeTensor) -> CubeTensor {
     let client = x.client.clone();
     let (dim, cubes) = units(&client, batch * height * width);
     let address = address_type(&[&x, &moments]);
-    find_moments::launch(
-        &client,
-        cubes,
-        dim,
-        address,
-        x.into_tensor_arg(),
-        moments.clone().into_tensor_arg(),
-    );
+    let [x, to] = [x, moments.clone()].map(CubeTensor::into_tensor_arg);
+    find_moments::launch(&client, cubes, dim, address, x, to);
     moments
 }
 
@@ -194,17 +181,7 @@ pub fn denormalized(x: CubeTensor, moments: CubeTensor, for_n: CubeTensor) -> Cu
     let address = address_type(&[&x, &for_n, &for_x]);
     // Two values of every channel are held here.
     let held = held(2 * channels) / 2;
-    let [x, moments, for_n] = [x, moments, for_n].map(CubeTensor::into_tensor_arg);
-    denormalize::launch(
-        &client,
-        cubes,
-        dim,
-        address,
-        x,
-        moments,
-        for_n,
-        for_x.clone().into_tensor_arg(),
-        held,
-    );
+    let [x, moments, for_n, to] = [x, moments, for_n, for_x.clone()].map(CubeTensor::into_tensor_arg);
+    denormalize::launch(&client, cubes, dim, address, x, moments, for_n, to, held);
     for_x
 }

@@ -182,16 +182,18 @@ pub fn sums_of_products(
     let cubes = calculate_cube_count_elemwise(&client, parts * blocks * SIDE * SIDE, dim);
     let address = address_type(&[&x, &gradient, &for_weight]);
     let moments = moments.map(CubeTensor::into_buffer_arg).into();
+    let [x, gradient] = [x, gradient].map(CubeTensor::into_tensor_arg);
+    let [weight, bias] = [&for_weight, &for_bias].map(|sums| sums.clone().into_tensor_arg());
     sum_products::launch(
         &client,
         cubes,
         dim,
         address,
-        x.into_tensor_arg(),
+        x,
         moments,
-        gradient.into_tensor_arg(),
-        for_weight.clone().into_tensor_arg(),
-        for_bias.clone().into_tensor_arg(),
+        gradient,
+        weight,
+        bias,
         tiles,
         is_gated,
         tile_pixels,

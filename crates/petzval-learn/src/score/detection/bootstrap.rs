@@ -68,13 +68,8 @@ pub fn bootstrap(how: &Bootstrap, score: impl Fn(&[u32]) -> Option<f64> + Sync) 
     let n = scores.len() as f64;
     let mean = scores.iter().sum::<f64>() / n;
     let variance = scores.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
-    Some(Interval {
-        value,
-        low,
-        high,
-        standard_error: variance.sqrt(),
-        above_zero: scores.iter().filter(|s| **s > 0.0).count() as f64 / n,
-    })
+    let above_zero = scores.iter().filter(|s| **s > 0.0).count() as f64 / n;
+    Some(Interval { value, low, high, standard_error: variance.sqrt(), above_zero })
 }
 
 /// The scores of all draws of [`bootstrap`], in their order; none of a single cluster. Cameras that took the same scenes see the same draws, so that

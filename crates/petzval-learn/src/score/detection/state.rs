@@ -31,11 +31,8 @@ impl StateConfusion {
     /// Matches detections with a score of `least_score` or more with objects, best first and whatever their classes, at an overlap of 0.5 or
     /// more, and counts the states.
     pub fn new(pictures: &[Picture], states: usize, least_score: f64, of: &StateOf) -> Self {
-        let mut confusion = Self {
-            counts: vec![vec![0; states]; states],
-            missed: vec![0; states],
-            spurious: vec![0; states],
-        };
+        let counts = vec![vec![0; states]; states];
+        let mut confusion = Self { counts, missed: vec![0; states], spurious: vec![0; states] };
         for (p, picture) in pictures.iter().enumerate() {
             confusion.add(p, picture, states, least_score, of);
         }

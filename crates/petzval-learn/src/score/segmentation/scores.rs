@@ -24,32 +24,17 @@ enum Kind {
 /// Everything that is known to be computed, for these classes.
 pub fn segment_scores(classes: &[&str]) -> Vec<SegmentScore> {
     let score = |name: String, title: String, definition: String, kind| SegmentScore {
-        about: ScoreDescription {
-            name,
-            title,
-            unit: String::new(),
-            definition,
-            decimals: 4,
-            higher_is_better: true,
-        },
+        about: ScoreDescription::of_share(name, title, definition),
         kind,
     };
     let over_all = "over all labelled pixels of all windows";
+    let mean = format!(
+        "intersection over union {over_all}, the mean over classes; a class that is neither in the truth nor found is left out"
+    );
+    let right = format!("share of right classes {over_all}");
     let mut all = vec![
-        score(
-            "miou".to_owned(),
-            "mIoU".to_owned(),
-            format!(
-                "intersection over union {over_all}, the mean over classes; a class that is neither in the truth nor found is left out"
-            ),
-            Kind::MeanIou,
-        ),
-        score(
-            "pixel_accuracy".to_owned(),
-            "pixel accuracy".to_owned(),
-            format!("share of right classes {over_all}"),
-            Kind::Accuracy,
-        ),
+        score("miou".into(), "mIoU".into(), mean, Kind::MeanIou),
+        score("pixel_accuracy".into(), "pixel accuracy".into(), right, Kind::Accuracy),
     ];
     all.extend(classes.iter().enumerate().map(|(number, class)| {
         let definition = format!("intersection over union {over_all} of the class {class}");

@@ -152,11 +152,8 @@ pub(super) fn bare_surfaces(lens: &Lens, places: &[Place]) -> Vec<LayoutLine> {
             let towards = if i == 0 || lens.light_goes_forwards(i - 1) { 1.0 } else { -1.0 };
             let [_, y, z] = apply(&places[i].rotation, [0.0, 0.0, towards]);
             let length = z.hypot(y).max(f64::MIN_POSITIVE);
-            Some(LayoutLine {
-                kind: kind(i)?,
-                points: profile(wall, surface.semi_diameter_mm, true),
-                back: [z / length, y / length],
-            })
+            let points = profile(wall, surface.semi_diameter_mm, true);
+            Some(LayoutLine { kind: kind(i)?, points, back: [z / length, y / length] })
         })
         .collect()
 }

@@ -52,11 +52,9 @@ pub fn layout(lens: &Lens, options: &AnalysisOptions) -> Layout {
         ObjectDistance::Finite(_) => f64::INFINITY,
     };
     let lead_mm = (LEAD * size - foremost).min(object_mm);
-    let rays: Vec<Vec<LayoutRay>> = lens
-        .fields_deg
-        .iter()
-        .map(|field| ray::fan(lens, &places, field.to_radians(), options.layout_rays.max(2), lead_mm))
-        .collect();
+    let count = options.layout_rays.max(2);
+    let fan = |field_deg: &f64| ray::fan(lens, &places, field_deg.to_radians(), count, lead_mm);
+    let rays: Vec<Vec<LayoutRay>> = lens.fields_deg.iter().map(fan).collect();
     // Draw the edges of the stop over half a radius outwards.
     let stop = &places[lens.stop];
     let inner = order.stop_radius_mm.abs();

@@ -378,11 +378,8 @@ pub(super) fn sweep<S: Simd>(
         point_bar = entry_bar;
         direction_bar = before_bar;
     }
-    Swept {
-        launch: Tangent { position: point_bar, direction: direction_bar },
-        stop_bar,
-        cotangents_before_stop,
-    }
+    let launch = Tangent { position: point_bar, direction: direction_bar };
+    Swept { launch, stop_bar, cotangents_before_stop }
 }
 
 /// Intermediate results of a sweep for the numbers of a surface.

@@ -127,22 +127,8 @@ impl<S: Simd> Step<S> {
         let ok = zero.constant(-f64::MIN_POSITIVE).lt(root2);
         let root = ok.select(root2.max(zero.constant(1e-300)).sqrt(), one);
         let b = (root - g) / q;
-        let mut step = Self {
-            point,
-            before,
-            sag,
-            normal,
-            mu,
-            v,
-            path,
-            b,
-            g,
-            q,
-            under,
-            root,
-            after: v,
-            ok: zero.lt(one),
-        };
+        let (after, ok) = (v, zero.lt(one));
+        let mut step = Self { point, before, sag, normal, mu, v, path, b, g, q, under, root, after, ok };
         // The direction behind: by the slopes of a thin lens, or d' = v + b N.
         if let Bending::ThinLens { power_per_mm } = s.bending {
             let [x, y] = step.slopes_behind_thin_lens(s, power_per_mm);

@@ -67,10 +67,8 @@ impl WaveMap {
         (0..q.len())
             .map(|i| {
                 let determinant = xx[i] * yy[i] - xy[i] * yx[i];
-                let growth = determinant_change(
-                    [[xx[i], xy[i]], [yx[i], yy[i]]],
-                    [&x, &y].map(|row| [row[0][i], row[1][i]]),
-                );
+                let moved = [&x, &y].map(|row| [row[0][i], row[1][i]]);
+                let growth = determinant_change([[xx[i], xy[i]], [yx[i], yy[i]]], moved);
                 let per_area = 1.0 / (std::f64::consts::PI * determinant.abs());
                 per_area * (light[i] - self.samples.light[i] * growth / determinant)
             })
