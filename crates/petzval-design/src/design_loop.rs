@@ -5,6 +5,7 @@
 //! variant's place in the list. Networks of variants with as many steps see the same windows in the same order. Those of a lens or an ISP
 //! also depend on how many steps the blocks behind it take (`batch_number`).
 
+use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -52,6 +53,8 @@ pub trait Observer {
     fn note(&mut self, _text: &str) {}
     /// A file or a folder of the run is whole; `what` says what it holds.
     fn file(&mut self, _path: &Path, _what: &str) {}
+    /// A camera is being scored: so many of its windows are done.
+    fn scoring(&mut self, _camera: &str, _done: usize, _of: usize) {}
     /// A camera is finished and scored.
     fn camera(&mut self, metrics: &CameraMetrics);
 }
@@ -708,7 +711,10 @@ impl DesignLoop {
         validate(&lens).map_err(|defect| DesignError::Unmakeable { camera: variant.name.clone(), defect })?;
         let Blocks { exposure, isp, network, .. } = &self.blocks;
         let camera = finished_camera(&self.setup, variant, lens.clone(), exposure, isp, network)?;
-        let Scored { metrics, pictures, findings } = self.scorer.score(&variant.name, &camera)?;
+        let watching = RefCell::new(&mut *observer);
+        let tick = |done, of| watching.borrow_mut().scoring(&variant.name, done, of);
+        let Scored { metrics, pictures, findings } =
+            self.scorer.score_watched(&variant.name, &camera, &tick)?;
         let [isp_steps, network_steps] =
             [BlockName::Isp, BlockName::Network].map(|block| self.position.before(block));
         let is_ceiling = variant.lens == PERFECT_LENS;

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, VecDeque};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::run::Event;
+use crate::run::{Event, SCORE};
 
 /// Units of a part whose mean duration is its pace.
 const PACE_UNITS: usize = 20;
@@ -45,6 +45,17 @@ pub struct Pace {
     last: Option<((String, String), u64, usize)>,
     /// The part of the last event, as a place among those that are left.
     at: Option<usize>,
+    /// The score that is at work, until its event.
+    scoring: Option<Scoring>,
+}
+
+/// A score at work.
+#[derive(Clone, Debug)]
+struct Scoring {
+    camera: String,
+    /// Seconds since it began, and those of all its windows at their mean pace.
+    seconds: f64,
+    whole_s: f64,
 }
 
 impl Pace {
@@ -62,6 +73,7 @@ impl Pace {
     /// Counts an event as a unit that took so many seconds.
     pub fn note(&mut self, event: &Event, seconds: f64) {
         let goes_on = self.time(event, seconds);
+        self.scoring = self.scoring.take().filter(|_| event.block != SCORE);
         if !goes_on {
             self.at = self.place_of(event);
         }
@@ -70,11 +82,24 @@ impl Pace {
         }
     }
 
+    /// Takes up how far the score of a camera is: `done` of its windows in so many seconds. From the first window on scores have a pace.
+    pub fn note_scoring(&mut self, camera: &str, seconds: f64, done: usize, of: usize) {
+        if done > 0 {
+            let whole_s = seconds * of as f64 / done as f64;
+            self.scoring = Some(Scoring { camera: camera.to_owned(), seconds, whole_s });
+        }
+    }
+
     /// The time that the rest takes; `None` before any unit of it is known, and at the end.
     pub fn time_left(&self) -> Option<TimeLeft> {
         let (mut seconds, mut has_unknown, mut may_need_fewer) = (0.0, false, false);
         for part in self.left.iter().filter(|part| part.units > 0) {
-            match self.seconds_of(part) {
+            let scoring = self.scoring.as_ref().filter(|_| part.block == SCORE);
+            let unit = match scoring {
+                Some(at_work) if at_work.camera == part.camera => Some(at_work.whole_s - at_work.seconds),
+                at_work => self.seconds_of(part).or(at_work.map(|at_work| at_work.whole_s)),
+            };
+            match unit {
                 Some(unit) => {
                     seconds += unit * part.units as f64;
                     may_need_fewer |= part.is_one_step;
@@ -195,6 +220,22 @@ mod tests {
         pace.note(&event(102, "end-to-end", "restored", 0.0), 0.0);
         pace.note(&event(103, "end-to-end", "network", 0.0), 3.0);
         assert_eq!(pace.time_left(), Some(TimeLeft { seconds: 99.0 * 3.0 + 30.0, is_least: false }));
+    }
+
+    #[test]
+    fn a_score_at_work_counts_from_its_first_window() {
+        let mut pace = Pace::new(left(), &[]);
+        for step in 1..=100 {
+            pace.note(&event(step, "nominal", "network", 0.0), 2.0);
+        }
+        pace.note_scoring("nominal", 0.0, 0, 40);
+        assert_eq!(pace.time_left(), Some(TimeLeft { seconds: 200.0, is_least: true }));
+        // Ten of forty windows in 100 s: 300 s of this score, 400 s of the other one, 200 s of its network; the lens is unknown.
+        pace.note_scoring("nominal", 100.0, 10, 40);
+        assert_eq!(pace.time_left(), Some(TimeLeft { seconds: 900.0, is_least: true }));
+        // The score as a whole took longer than its windows.
+        pace.note(&event(101, "nominal", "score", 0.0), 420.0);
+        assert_eq!(pace.time_left(), Some(TimeLeft { seconds: 620.0, is_least: true }));
     }
 
     #[test]

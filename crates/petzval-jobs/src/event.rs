@@ -54,6 +54,18 @@ pub enum Event {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         time_left: Option<TimeLeft>,
     },
+    /// A camera of a design is being scored.
+    Scoring {
+        /// The camera.
+        camera: String,
+        /// Windows that are scored.
+        done: u64,
+        /// Windows in all.
+        total: u64,
+        /// How long the rest of the run will take, if that is known.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        time_left: Option<TimeLeft>,
+    },
     /// A camera of a design is finished and scored.
     Camera {
         /// Its name.
@@ -161,6 +173,7 @@ impl fmt::Display for Event {
                     losses.iter().map(|(name, value)| format!("{name} {value:.4}")).collect();
                 write!(f, "{camera} | {block} | {}", losses.join("  "))
             }
+            Self::Scoring { camera, .. } => write!(f, "{camera} | score | windows"),
             Self::Camera { camera, scores, rms_spot_um } => {
                 let scores: Vec<String> = scores.iter().map(CameraScore::to_string).collect();
                 write!(f, "{camera}: {}, RMS spot {rms_spot_um:.2} um", scores.join(", "))
@@ -202,6 +215,11 @@ mod tests {
                 Event::Warning { kind: WarningKind::LostLight, text: "dark".to_owned() },
                 r#"{"event":"warning","kind":"lost-light","text":"dark"}"#,
                 "warning: dark",
+            ),
+            (
+                Event::Scoring { camera: "a".to_owned(), done: 3, total: 25, time_left: None },
+                r#"{"event":"scoring","camera":"a","done":3,"total":25}"#,
+                "a | score | windows",
             ),
             (
                 Event::Progress { done: 1, total: 2, text: "fields".to_owned() },

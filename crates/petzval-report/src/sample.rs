@@ -247,6 +247,8 @@ pub(crate) fn report() -> Report {
         has_isp: false,
         pictures_in_all: 2,
         one_seed: None,
+        short: None,
+        warnings: Vec::new(),
         sections: Vec::new(),
         detection: None,
         progress: None,

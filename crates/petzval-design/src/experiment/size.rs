@@ -57,6 +57,12 @@ impl Experiment {
         self.checkpoint.every = self.checkpoint.every.max(FULL_CHECKPOINT);
     }
 
+    /// Most network steps of a camera, or steps of its hardware ISP where that is what is trained last; those of the variants from which it
+    /// starts among them.
+    pub fn most_steps(&self, role: NetworkRole) -> usize {
+        self.most_steps_of(self.last_block(role))
+    }
+
     /// Steps that a block takes for the task in the variant that takes the most, those of the variants from which it starts among them.
     fn most_steps_of(&self, block: BlockName) -> usize {
         let variants = self.variants();

@@ -31,7 +31,7 @@ use crate::validation::VALIDATION;
 use petzval_learn::score::ScoreDescription;
 use petzval_report::design_report::{
     CameraView, Change, LossCurve, MadeCamera, MadeCameras, MadeScore, OneSeed, PsfView, Report, Score,
-    TableRow,
+    ShortRun, TableRow,
 };
 
 /// Fields whose PSFs the report shows, as indices into the experiment's fields in quarters of the field.
@@ -83,6 +83,12 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
         metrics.scored_on()
     );
     let report = gathered(setup, run, &metrics, events, &lenses)?;
+    let subtitle = match report.short {
+        Some(ShortRun { steps, usual }) => {
+            format!("{subtitle} The run was made short: {steps} of {usual} network steps.")
+        }
+        None => subtitle,
+    };
     let one_seed = match metrics.seeds[..] {
         [seed] => Some(match &setup.study {
             Some(study) => OneSeed::Studied(study.in_scores(&metrics.scores)),
@@ -187,6 +193,8 @@ fn gathered(
         one_seed: None,
         detection: of_task.detection.take(),
         sections: std::mem::take(&mut of_task.sections),
+        short: short_run(setup, record.as_ref()),
+        warnings: metrics.rows.iter().filter_map(|m| lost_light(setup, m)).collect(),
         progress: None,
         made: MadeMetrics::read(run)?.map(|made| made_view(&metrics.scores, made)),
         losses: loss_curves(events),
@@ -199,6 +207,19 @@ fn gathered(
     };
     let pictures = pictures(run, metrics, &of_task, &report);
     Ok(Report { left_out: pictures.left_out(), pictures: pictures.shown, ..report })
+}
+
+/// The steps of a run that a request has made shorter than its experiment; none of any other, nor where the run was extended since.
+fn short_run(setup: &Setup, record: Option<&RunRecord>) -> Option<ShortRun> {
+    let (record, usual) = record.and_then(|record| Some((record, record.usual_steps?)))?;
+    let steps = record.config.most_steps(setup.facts.network);
+    (steps < usual).then_some(ShortRun { steps, usual })
+}
+
+/// The warning of a camera whose PSFs are wider than their grid. Given PSFs are those of a file.
+fn lost_light(setup: &Setup, camera: &CameraMetrics) -> Option<String> {
+    let lost = setup.experiment.psf.lost_light(camera.psf_captured, None)?;
+    Some(format!("{}: {}; a larger psf.pitch_um holds more.", camera.camera, lost.replace(" um ", " µm ")))
 }
 
 /// `3 cameras: nominal (800 network steps), ...`, with the steps that were taken.

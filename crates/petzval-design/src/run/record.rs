@@ -22,6 +22,10 @@ pub struct RunRecord {
     pub begun: String,
     /// The end of the run; none before it.
     pub finished: Option<Finish>,
+    /// Most network steps of a camera that the experiment has, where a request changed them for this run; of a hardware ISP where that is what is
+    /// trained last.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub usual_steps: Option<usize>,
     /// `config.toml` as the run was begun with it, or as it was last extended.
     pub config: Experiment,
 }
@@ -42,7 +46,7 @@ pub struct Finish {
 impl RunRecord {
     /// The record of a run that begins now.
     pub fn begin(config: Experiment) -> Self {
-        Self { version: VERSION.to_owned(), begun: now(), finished: None, config }
+        Self { version: VERSION.to_owned(), begun: now(), finished: None, usual_steps: None, config }
     }
 
     /// The record of a run; none in a folder of a version that kept none.
@@ -54,6 +58,14 @@ impl RunRecord {
     /// Writes the record into the folder of its run.
     pub fn write(&self, run: &RunFolder) -> Result<()> {
         write_file(&run.record(), DesignError::json("the record of the run", self)?.as_bytes())
+    }
+
+    /// Notes the steps that the experiment of a new run has without the request.
+    pub fn note_usual_steps(run: &RunFolder, steps: usize) -> Result<(), DesignError> {
+        match Self::read(run)? {
+            Some(record) => Self { usual_steps: Some(steps), ..record }.write(run),
+            None => Ok(()),
+        }
     }
 
     /// Notes the end of a run, once.

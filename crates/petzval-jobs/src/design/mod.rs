@@ -242,7 +242,7 @@ fn run_from(request: &Request, context: &Context) -> Result<Response> {
         }
         Run::New(new) => {
             // Everything is checked before the folder is made, so that a mistake leaves nothing behind.
-            let (setup, look, own) = looked_at(new, device, context)?;
+            let (setup, look, own, usual_steps) = looked_at(new, device, context)?;
             if let Some(problem) = look.problems.first() {
                 let hint = "`petzval lens focus` moves the image plane; a larger psf.pitch_um or psf.grid holds more light";
                 return Err(JobError::input(problem.clone(), hint));
@@ -262,6 +262,9 @@ fn run_from(request: &Request, context: &Context) -> Result<Response> {
             let (folder, lock) = begun.keep();
             write_file(&folder.environment(), json(&environment(context))?.as_bytes())?;
             keep_inputs(setup, &own.assets, &folder)?;
+            if let Some(steps) = usual_steps {
+                RunRecord::note_usual_steps(&folder, steps)?;
+            }
             (scorer, folder, lock)
         }
     };
@@ -379,15 +382,19 @@ pub fn look_at(request: &LookRequest, context: &Context) -> Result<FirstLook> {
 /// Looks at the experiment of a new run, as before its first step: what its lenses show on its sensor, what they violate, how its photographs fit, and
 /// how many steps it takes. Nothing is written.
 pub fn look(new: &NewRun, device: &str, context: &Context) -> Result<FirstLook> {
-    let (setup, mut look, _) = looked_at(new, context.device(device)?, context)?;
+    let (setup, mut look, ..) = looked_at(new, context.device(device)?, context)?;
     look.warnings.extend(report_pictures(&setup, context));
     Ok(look)
 }
 
-/// Makes the experiment of a new run ready and checks it before the first step. Returns it with the findings and with the context in which
-/// its lens and sensor are found. Every warning is reported.
-fn looked_at(new: &NewRun, device: Device, context: &Context) -> Result<(Setup, FirstLook, Context)> {
-    let (experiment, own) = prepared(new, context)?;
+/// Makes the experiment of a new run ready and checks it before the first step. Returns it with the findings, with the context in which
+/// its lens and sensor are found, and with the steps that it has without the request, where that changes them. Every warning is reported.
+fn looked_at(
+    new: &NewRun,
+    device: Device,
+    context: &Context,
+) -> Result<(Setup, FirstLook, Context, Option<usize>)> {
+    let Prepared { experiment, context: own, usual_steps } = prepared(new, context)?;
     check_root(new, &experiment, context)?;
     let setup = set_up(experiment, device, &own)?;
     let name = new.experiment.name();
@@ -401,7 +408,7 @@ fn looked_at(new: &NewRun, device: Device, context: &Context) -> Result<(Setup, 
     let others = check(&setup, &source)?;
     look.warnings.extend(others);
     look.warnings.iter().for_each(|warning| context.warning(WarningKind::Experiment, warning));
-    Ok((setup, look, own))
+    Ok((setup, look, own, usual_steps))
 }
 
 /// Everything that the experiment needs. Every picture of a data set is decoded to find damaged ones, which takes minutes for thousands of them.
@@ -478,7 +485,7 @@ pub(crate) fn scorer(setup: Setup) -> Result<Scorer> {
 ///
 /// Paths are made absolute, so that its text can be run again from any folder.
 pub fn resolved(new: &NewRun, context: &Context) -> Result<Experiment> {
-    Ok(prepared(new, context)?.0)
+    Ok(prepared(new, context)?.experiment)
 }
 
 /// The experiment of a new run, see [`resolved`], and the folder that the run would have.
@@ -488,9 +495,28 @@ pub(crate) fn config_of(new: &NewRun, context: &Context) -> Result<(Experiment, 
     Ok((experiment, folder))
 }
 
+/// The experiment of a new run.
+pub(crate) struct Prepared {
+    pub experiment: Experiment,
+    /// Where its lens and sensor are found.
+    pub context: Context,
+    /// Most network steps of a camera without `steps` of the request; none where the request has none.
+    usual_steps: Option<usize>,
+}
+
+impl Prepared {
+    /// `experiment` with the changes of the request.
+    fn new(experiment: Experiment, changes: &Changes, context: Context) -> Result<Self> {
+        let role = context.assets.facts_of(&experiment)?.network;
+        let usual = || changed(experiment.clone(), &Changes { steps: None, ..changes.clone() }, &context);
+        let usual_steps = changes.steps.map(|_| Ok::<_, JobError>(usual()?.most_steps(role))).transpose()?;
+        Ok(Self { experiment: changed(experiment, changes, &context)?, context, usual_steps })
+    }
+}
+
 /// The experiment of a new run, and the context in which its lens and sensor are found. If the request names a lens in place of an
 /// experiment, lens and experiment are fitted to each other as by `init`; they are then in no file.
-pub(crate) fn prepared(new: &NewRun, context: &Context) -> Result<(Experiment, Context)> {
+pub(crate) fn prepared(new: &NewRun, context: &Context) -> Result<Prepared> {
     let (name, context) = &new.experiment.placed(context)?;
     let is_built_in =
         ["experiments", "lenses"].iter().any(|folder| context.assets.names(folder).contains(&name.as_str()));
@@ -499,7 +525,7 @@ pub(crate) fn prepared(new: &NewRun, context: &Context) -> Result<(Experiment, C
     }
     if !is_lens(name, context) {
         let experiment = context.assets.experiment_with(name, &new.changes.set)?;
-        return Ok((changed(experiment, &new.changes, context)?, context.clone()));
+        return Prepared::new(experiment, &new.changes, context.clone());
     }
     let usual = context.assets.experiment(DEFAULT_EXPERIMENT)?;
     // Settings are those of the fitted experiment; whether their keys are known does not depend on the lens.
@@ -524,7 +550,7 @@ pub(crate) fn prepared(new: &NewRun, context: &Context) -> Result<(Experiment, C
             "psf: by --set the grid has {grid} x {grid} cells of {pitch_um} um in place of the fitted ones"
         ));
     }
-    Ok((changed(experiment, &new.changes, context)?, context.clone().with_assets(assets)))
+    Prepared::new(experiment, &new.changes, context.clone().with_assets(assets))
 }
 
 /// Refuses a folder in place of an experiment, and says how to go on with the run or the experiment in it.

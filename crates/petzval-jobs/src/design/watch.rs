@@ -29,6 +29,8 @@ pub(super) struct Watch<'a> {
     pace: Pace,
     /// When the latest step ended.
     latest: Instant,
+    /// When the score at work began.
+    scoring_since: Instant,
     /// Curves for other programs, as long as they can be written.
     curves: Option<ScalarLog>,
 }
@@ -50,7 +52,18 @@ impl<'a> Watch<'a> {
         curves: Option<ScalarLog>,
     ) -> Self {
         let (pace, latest) = (Pace::default(), Instant::now());
-        Self { context, scores, psf, total: 0, first: None, events, pace, latest, curves }
+        Self {
+            context,
+            scores,
+            psf,
+            total: 0,
+            first: None,
+            events,
+            pace,
+            latest,
+            scoring_since: latest,
+            curves,
+        }
     }
 
     /// What to say of a camera with less light in its corner than the first one, of the same field of view.
@@ -118,6 +131,19 @@ impl Observer for Watch<'_> {
 
     fn note(&mut self, text: &str) {
         self.context.note(text);
+    }
+
+    fn scoring(&mut self, camera: &str, done: usize, of: usize) {
+        if done == 0 {
+            self.scoring_since = Instant::now();
+        }
+        self.pace.note_scoring(camera, self.scoring_since.elapsed().as_secs_f64(), done, of);
+        self.context.event(&Event::Scoring {
+            camera: camera.to_owned(),
+            done: done as u64,
+            total: of as u64,
+            time_left: self.pace.time_left(),
+        });
     }
 
     fn camera(&mut self, m: &CameraMetrics) {

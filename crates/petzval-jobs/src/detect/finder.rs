@@ -9,6 +9,7 @@ use petzval_design::error::DesignError;
 use petzval_design::experiment::STREET;
 use petzval_design::inputs::check_parts_or_accepted;
 use petzval_design::report::run_report::camera_lens;
+use petzval_design::run::input_list::{InputList, Pictures};
 use petzval_design::run::{DigestCheck, Kept, RunFolder, load_blocks};
 use petzval_design::setup::Setup;
 use petzval_design::task::objects::{detector_of, untrained};
@@ -87,8 +88,16 @@ pub struct Finder {
     pub camera: Option<Camera>,
     /// What of a data set its classes take; none of weights of torchvision, whose classes have the numbers of COCO.
     pub taken: Option<Classes>,
-    /// The data set that its run has been trained on, if it is one of pictures.
-    pub trained_on: Option<PathBuf>,
+    /// The pictures of its run as the run has listed them; none where it sees streets.
+    pub own_pictures: Option<OwnPictures>,
+}
+
+/// The labelled pictures of a run.
+pub struct OwnPictures {
+    /// Where the run finds them now.
+    pub place: PathBuf,
+    /// What the run has listed when it began.
+    pub listed: Pictures,
 }
 
 impl Finder {
@@ -173,7 +182,9 @@ pub fn finder(
             let check = DigestCheck::new(&folder, accepted, &warn);
             check.check_cameras([name])?;
             let taken = experiment.classes();
-            let trained_on = Some(&experiment.data).filter(|data| *data != STREET).map(PathBuf::from);
+            let place = Some(&experiment.data).filter(|data| *data != STREET).map(PathBuf::from);
+            let listed = InputList::read(&folder)?.and_then(|list| list.pictures);
+            let own_pictures = place.zip(listed).map(|(place, listed)| OwnPictures { place, listed });
             let mut block = untrained(&experiment, device)?;
             load_blocks(&folder.camera(name), [&mut block as _], Kept::Numbers)?;
             if let Some(variant) = experiment.variants().iter().find(|variant| variant.name == name) {
@@ -193,7 +204,7 @@ pub fn finder(
                 }
                 None => None,
             };
-            Ok(Finder { detector, classes, camera, taken: Some(taken), trained_on })
+            Ok(Finder { detector, classes, camera, taken: Some(taken), own_pictures })
         }
         Source::Weights(weights) => {
             check_ranges(weights)?;
@@ -215,7 +226,7 @@ pub fn finder(
             let zoom = Zoom::ToSides { shorter: *shorter_side, longer: *longer_side };
             let detector = Box::new(Zoomed::new(detector.held(), zoom));
             let classes = (1..=*classes).map(|class| class.to_string()).collect();
-            Ok(Finder { detector, classes, camera: None, taken: None, trained_on: None })
+            Ok(Finder { detector, classes, camera: None, taken: None, own_pictures: None })
         }
     }
 }

@@ -15,7 +15,7 @@ use petzval_files::coco::{
     self, ANNOTATIONS, Bounds, Category, DataSet, Image, load_coco, save_coco, save_results,
 };
 use petzval_files::{CheckedPictures, encoded_png_bytes, load_image};
-use petzval_learn::dataset::{count_trained_on, in_classes, taken_as};
+use petzval_learn::dataset::{List, PictureFile, in_classes, taken_as};
 use petzval_learn::detection::{Detection, detect_in};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -322,11 +322,12 @@ fn warn_of_training_pictures(
         let path = path.canonicalize().ok()?;
         if path.is_dir() { Some(path) } else { Some(path.parent()?.to_owned()) }
     };
-    let is_same = finder.trained_on.as_deref().and_then(folder).is_some_and(|own| Some(own) == folder(place));
-    if !is_same {
+    let Some(own) = &finder.own_pictures else { return };
+    let is_here = |own: &Path| folder(own).is_some_and(|own| Some(own) == folder(place));
+    if !is_here(&own.place) && !is_here(&own.listed.place) {
         return;
     }
-    let trained = count_trained_on(&data.images, looked.iter().map(|l| &l.image));
+    let trained = count_trained_on(&own.listed.files, data, looked);
     if trained > 0 {
         let message = format!(
             "the network of this run has been trained on {trained} of these {} pictures: scores on them say little about others; `part` takes one \
@@ -335,6 +336,15 @@ fn warn_of_training_pictures(
         );
         context.warning(WarningKind::DataSet, message);
     }
+}
+
+/// How many of the pictures a run has listed for training or validation. The list has the names of the data set, and `looked` whole paths.
+fn count_trained_on(listed: &[PictureFile], data: &DataSet, looked: &[Looked]) -> usize {
+    let of_list = listed.iter().filter(|file| file.list != List::HeldOut).map(|file| file.name.as_str());
+    let trained: HashSet<&str> = of_list.collect();
+    let is_trained = |image: &&Image| trained.contains(image.file_name.as_str());
+    let ids: HashSet<u64> = data.images.iter().filter(is_trained).map(|image| image.id).collect();
+    looked.iter().filter(|l| ids.contains(&l.image.id)).count()
 }
 
 /// The data set with these pictures alone.
@@ -423,4 +433,36 @@ fn files(images: &[PathBuf], detector: &Source) -> Result<Vec<PathBuf>> {
         files.extend(found);
     }
     Ok(files)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_for_training_are_counted_by_the_list_of_the_run() {
+        let image = |id: u64, name: &str| Image { id, file_name: name.to_owned(), ..Image::default() };
+        let data = DataSet {
+            images: vec![image(7, "img/a.png"), image(8, "img/b.png"), image(9, "img/c.png")],
+            ..DataSet::default()
+        };
+        let listed =
+            [("img/a.png", List::Training), ("img/b.png", List::HeldOut), ("img/c.png", List::Validation)];
+        let listed = listed.map(|(name, list)| PictureFile {
+            name: name.to_owned(),
+            list,
+            bytes: 1,
+            modified_s: None,
+            sha256: None,
+        });
+        // What is looked at has whole paths in place of the names of the data set.
+        let looked: Vec<Looked> = (data.images.iter())
+            .map(|image| {
+                let file = Path::new("/pictures").join(&image.file_name);
+                Looked { image: Image { file_name: file.display().to_string(), ..image.clone() }, file }
+            })
+            .collect();
+        assert_eq!(count_trained_on(&listed, &data, &looked), 2);
+        assert_eq!(count_trained_on(&listed, &data, &looked[1..2]), 0, "what is held out alone");
+    }
 }

@@ -409,20 +409,13 @@ fn longer_side(bbox: &BBox) -> f64 {
     f64::from(bbox.width().max(bbox.height()))
 }
 
-/// What groups a picture with others of the same film.
-/// How many of these pictures a run takes for training and validation that has their whole data set `all`, in the lists of
-/// [`LabelledPictures`].
-pub fn count_trained_on<'a>(all: &[Image], looked: impl Iterator<Item = &'a Image>) -> usize {
-    let (sequences, training_part) = (sequences(all), training_part(all));
-    looked.filter(|image| list_of(image, training_part, &sequences) != List::HeldOut).count()
-}
-
 /// The sequences of pictures, sorted.
 fn sequences(images: &[Image]) -> Vec<&str> {
     let all: BTreeSet<&str> = images.iter().map(sequence).collect();
     all.into_iter().collect()
 }
 
+/// What groups a picture with others of the same film.
 fn sequence(image: &Image) -> &str {
     image.sequence.as_deref().unwrap_or(&image.file_name)
 }

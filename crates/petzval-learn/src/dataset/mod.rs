@@ -32,7 +32,7 @@ pub use error::DatasetError;
 pub use first_reads::FirstReads;
 pub use found_photos::{FoundPhotos, PhotoSearch, READ_AT_ONCE, find_photos};
 pub use label_file::IGNORED_VALUES;
-pub use labelled_pictures::{LabelledPictures, PictureWindows, Purpose, count_trained_on};
+pub use labelled_pictures::{LabelledPictures, PictureWindows, Purpose};
 pub use labelled_window::{LabelledWindow, List};
 pub use photo::{Photo, Readers};
 pub use photo_set::{PhotoSet, PhotoSplit};

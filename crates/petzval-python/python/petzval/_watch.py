@@ -58,6 +58,8 @@ def _how_far(event: Event) -> tuple[int, int, str]:
         return event["done"], event["total"], event["text"]
     if event["event"] == "step":
         return event["step"], event["total"], f"{event['camera']}: {event['block']}"
+    if event["event"] == "scoring":
+        return event["done"], event["total"], f"{event['camera']}: windows scored"
     return 0, 0, ""
 
 

@@ -70,7 +70,10 @@ pub(super) fn answer(report: &Report, view: &DetectionView) -> Option<Answer> {
     let found = Found::figure(value, ap50(best)?.1);
     // A difference after few steps says little, however narrow its range over windows is.
     let steps = report.table.iter().find(|row| row.camera == best.camera).map_or(0, |row| row.steps);
-    let steps = petzval_base::counted(steps, "network step");
+    let steps = match report.short {
+        Some(short) => short.in_words(),
+        None => petzval_base::counted(steps, "network step"),
+    };
     // Where nothing is found, no camera finds most, and the windows show no range.
     if value <= 0.0 {
         let which = match ranked.len() {
@@ -172,6 +175,18 @@ mod tests {
         nothing.detection.as_mut().unwrap().cameras.truncate(1);
         let of_one = answer(&nothing, &view(&nothing)).unwrap();
         assert_eq!(of_one.sentence, "The camera finds no object after 60 network steps: AP50 is 0.");
+    }
+
+    #[test]
+    fn a_short_run_is_called_one() {
+        let mut report = report([0.7012, 0.7236, 0.7519]);
+        report.short = Some(crate::design_report::ShortRun { steps: 12, usual: 400 });
+        let answer = answer(&report, report.detection.as_ref().unwrap()).unwrap();
+        assert!(
+            answer.sentence.starts_with("End-to-end finds most after 12 of 400 network steps: AP50 0.75"),
+            "{}",
+            answer.sentence
+        );
     }
 
     #[test]

@@ -6,6 +6,7 @@
 mod answer;
 mod answer_view;
 mod attribution;
+mod caveats;
 mod change;
 mod choice;
 mod detail;
@@ -37,13 +38,13 @@ pub use view::{
     Attribution, CameraDetection, CameraPicture, CameraProgress, CameraState, CameraView, Change,
     DetectionView, FieldPoint, FrameView, GroupFigure, HeldOutScores, LossCurve, LostObjects, MadeCamera,
     MadeCameras, MadeScore, Mistake, OneSeed, PictureView, PrecisionCurve, Progress, PsfView, Range, Report,
-    Role, Score, SeedDifference, SeedStudy, Spread, TableRow, TaskSection,
+    Role, Score, SeedDifference, SeedStudy, ShortRun, Spread, TableRow, TaskSection,
 };
 
 /// The result in sentences, as the page has it: the answer first. Empty if there are no cameras to compare.
 pub fn sentences(report: &Report) -> Vec<String> {
     let answer = answer::answer(report).map(|answer| answer.sentence);
-    answer.into_iter().chain(reading::reading(report)).collect()
+    answer.into_iter().chain(caveats::caveats(report)).chain(reading::reading(report)).collect()
 }
 
 /// The report as one self-contained HTML file.

@@ -4,6 +4,7 @@ use maud::{Markup, PreEscaped, html};
 
 use super::answer::answer;
 use super::attribution::{attribution, has_attribution};
+use super::caveats::caveats;
 use super::change::change_table;
 use super::detection::detection;
 use super::frames::frames;
@@ -70,6 +71,7 @@ pub(super) fn page(report: &Report) -> String {
         subtitle,
         lead: html! {
             @if let Some(answer) = &answer { (answer.shown()) (most_gain(report)) }
+            (list_of_warnings(&caveats(report)))
         },
         main,
         script: Some((viewer(), include_str!("page.js"))),
@@ -93,6 +95,7 @@ fn result(report: &Report, has_answer: bool) -> Option<Section> {
             } @else {
                 (score_table(report))
             }
+            (list_of_warnings(&report.warnings))
             @for sentence in reading(report) { p.reading { (sentence) } }
             @if let Some(files) = &report.left_out { p.muted { (files) "." } }
             @if !report.notes.is_empty() {
@@ -103,6 +106,11 @@ fn result(report: &Report, has_answer: bool) -> Option<Section> {
             }
         }
     })
+}
+
+/// Warnings as a list; nothing without any.
+fn list_of_warnings(warnings: &[String]) -> Markup {
+    html! { @if !warnings.is_empty() { ul.warnings { @for warning in warnings { li { (warning) } } } } }
 }
 
 /// Layouts on one scale, with the changes.

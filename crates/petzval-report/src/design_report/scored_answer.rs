@@ -24,8 +24,9 @@ fn sentence(standing: &Standing) -> String {
         format!("{amount} over {}", standing.name(other))
     });
     let highest = if score.higher_is_better { "highest" } else { "best (lowest)" };
+    let after = standing.report.short.map(|short| format!(" after {}", short.in_words())).unwrap_or_default();
     let head = format!(
-        "{} scores {highest} in {}: {}",
+        "{} scores {highest} in {}{after}: {}",
         capitalised(standing.name(best)),
         title(&score.title),
         over.collect::<Vec<_>>().join(", ")
@@ -267,6 +268,16 @@ mod tests {
         report.table[0].is_ceiling = true;
         report.table[1].scores[2] = 0.88;
         assert!(!said(&report).contains(" By "), "{}", said(&report));
+    }
+
+    #[test]
+    fn a_short_run_is_called_one() {
+        let short = Some(crate::design_report::ShortRun { steps: 12, usual: 400 });
+        let said = said(&Report { short, ..sample::report() });
+        assert_eq!(
+            said,
+            "End-to-end scores highest in PSNR after 12 of 400 network steps: +1.30 dB over nominal, +0.53 dB over spot-optimised."
+        );
     }
 
     #[test]

@@ -49,6 +49,10 @@ pub struct Report {
     pub detection: Option<DetectionView>,
     /// Sections of the task's own.
     pub sections: Vec<TaskSection>,
+    /// Most network steps of a camera, and those that the experiment has, if the run was made shorter than that.
+    pub short: Option<ShortRun>,
+    /// What casts doubt on the scores of cameras.
+    pub warnings: Vec<String>,
     /// How far the run has come, if it has not ended.
     pub progress: Option<Progress>,
     /// Cameras as they are made, if the run was evaluated with tolerances.
@@ -70,6 +74,22 @@ pub struct TaskSection {
     pub title: String,
     /// Its body in HTML, as it stands on the page.
     pub html: String,
+}
+
+/// A run with fewer steps than its experiment has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ShortRun {
+    /// Most network steps of a camera.
+    pub steps: usize,
+    /// The same of the experiment.
+    pub usual: usize,
+}
+
+impl ShortRun {
+    /// `12 of 400 network steps`.
+    pub(super) fn in_words(self) -> String {
+        format!("{} of {} network steps", self.steps, self.usual)
+    }
 }
 
 /// A run that has not ended.

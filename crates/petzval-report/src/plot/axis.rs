@@ -21,6 +21,8 @@ pub(crate) struct Axis {
     decimals: usize,
     /// Whether equal ratios, rather than equal differences, are equally long.
     is_logarithmic: bool,
+    /// Words at the ticks in place of numbers; empty where numbers stand.
+    names: Vec<String>,
 }
 
 impl Axis {
@@ -35,7 +37,7 @@ impl Axis {
         let ticks = number::ticks(low, high, count);
         let step = ticks.get(1).zip(ticks.first()).map_or(high - low, |(b, a)| b - a);
         let decimals = (-(step.log10() + 1e-9).floor()).clamp(0.0, 9.0) as usize;
-        Self { low, high, ticks, decimals, is_logarithmic: false }
+        Self { low, high, ticks, decimals, is_logarithmic: false, names: Vec::new() }
     }
 
     /// A logarithmic axis from the power of ten at or below one value to that at or above another, both positive; at
@@ -46,7 +48,8 @@ impl Axis {
         let last = ((power(high) - 1e-9).ceil() as i32).max(first + 1);
         let step = (last - first).div_euclid(9) + 1;
         let ticks = (first..=last).step_by(step as usize).map(|p| 10_f64.powi(p)).collect();
-        Self { low: 10_f64.powi(first), high: 10_f64.powi(last), ticks, decimals: 0, is_logarithmic: true }
+        let [low, high] = [first, last].map(|power| 10_f64.powi(power));
+        Self { low, high, ticks, decimals: 0, is_logarithmic: true, names: Vec::new() }
     }
 
     /// A logarithmic axis exactly from one value to another, both positive, with a tick at every power of ten, and at
@@ -60,7 +63,7 @@ impl Axis {
         let each = powers.clone().count().div_ceil(MOST_DECADES);
         let ticks = powers.step_by(each).flat_map(|p| digits.iter().map(move |d| d * 10_f64.powi(p)));
         let ticks = ticks.filter(|t| (low..=high).contains(t)).collect();
-        Self { low, high, ticks, decimals: 0, is_logarithmic: true }
+        Self { low, high, ticks, decimals: 0, is_logarithmic: true, names: Vec::new() }
     }
 
     /// A linear axis from the tick at or below one value to that at or above another.
@@ -86,6 +89,20 @@ impl Axis {
         axis
     }
 
+    /// An axis of words: word `i` stands at the value `i`.
+    pub fn of_names(names: &[String]) -> Self {
+        let count = names.len().max(1) as f64;
+        let ticks = (0..names.len()).map(|i| i as f64).collect();
+        Self {
+            low: -0.5,
+            high: count - 0.5,
+            ticks,
+            decimals: 0,
+            is_logarithmic: false,
+            names: names.to_vec(),
+        }
+    }
+
     /// Whether equal ratios are equally long.
     pub fn is_logarithmic(&self) -> bool {
         self.is_logarithmic
@@ -101,8 +118,11 @@ impl Axis {
         (value - self.low) / (self.high - self.low)
     }
 
-    /// The number at a tick.
+    /// The number or the word at a tick.
     pub fn label(&self, value: f64) -> String {
+        if !self.names.is_empty() {
+            return self.names.get(value as usize).cloned().unwrap_or_default();
+        }
         let power = |v: f64| (v.abs().log10() + 1e-9).floor() as i32;
         if self.is_logarithmic {
             return match power(value) {
@@ -194,6 +214,13 @@ mod tests {
         assert_eq!(labels(&Axis::ratios(1e-6, 1e-2)).len(), 5);
         assert_eq!(labels(&Axis::ratios(1.5e-5, 6e-5)), ["2·10⁻⁵", "5·10⁻⁵"]);
         assert!(Axis::ratios(1.0, 1e25).ticks.len() <= 10 && Axis::ratios(0.0, 1.0).high >= 1.0);
+    }
+
+    #[test]
+    fn words_stand_at_equal_distances() {
+        let axis = Axis::of_names(&["precision".to_owned(), "high".to_owned()]);
+        assert_eq!(labels(&axis), ["precision", "high"]);
+        assert_eq!([axis.share(0.0), axis.share(1.0)], [0.25, 0.75]);
     }
 
     #[test]

@@ -17,6 +17,10 @@ pub struct SweepView {
     pub title: String,
     /// How many units are finished, and what else is to be said of all.
     pub subtitle: String,
+    /// The result in a sentence; none where units do not differ.
+    pub answer: Option<String>,
+    /// Figures that are the same in every unit, with their values. They have no column.
+    pub constant: Vec<(String, String)>,
     /// Keys that vary and that the table shows, each a column.
     pub keys: Vec<String>,
     /// Name and unit of every figure, each a column.
@@ -92,6 +96,7 @@ pub fn page(sweep: &SweepView) -> String {
         style: include_str!("page.css"),
         headline: sweep.title.clone(),
         subtitle: html! { (sweep.subtitle) },
+        lead: html! { @if let Some(answer) = &sweep.answer { p.lead { (answer) } } },
         main: with_contents(&sections),
         ..Page::default()
     }
@@ -132,6 +137,10 @@ fn table(sweep: &SweepView) -> Markup {
     });
     html! {
         (Table::new(columns).rows(rows).html())
+        @if !sweep.constant.is_empty() {
+            @let same: Vec<String> = sweep.constant.iter().map(|(name, value)| format!("{name} {value}")).collect();
+            p.caption { "The same in every unit: " (same.join(", ")) "." }
+        }
         (caption("Mean over the seeds ± standard deviation; below it the least and the largest value. The best mean of a score is bold."))
     }
 }
@@ -174,11 +183,14 @@ mod tests {
         SweepView {
             title: "A <sweep>".into(),
             subtitle: "4 of 5 units are finished.".into(),
+            answer: Some("PSNR from 26.9 to 27.2 dB; best: psf.grid_cells 64.".into()),
+            constant: vec![("focal length".into(), "50".into()), ("trials".into(), "20".into())],
             keys: vec!["psf.grid_cells".into()],
             figures: vec![("PSNR".into(), "dB".into()), ("RMS spot".into(), "µm".into())],
             rows: vec![row("64", "27.2 ± 0.2", true), row("128", "26.9 ± 0.1", false)],
             scatter: Some(Scatter {
                 names: ["key psf.grid cells".into(), "PSNR, dB".into()],
+                x_words: Vec::new(),
                 groups: vec![ScatterGroup {
                     name: "end-to-end".into(),
                     at: vec![[64.0, 27.0], [128.0, 26.9]],
@@ -203,6 +215,9 @@ mod tests {
         crate::page::assert_readable(&page);
         for words in [
             "<h1>A &lt;sweep&gt;</h1>",
+            "<p class=\"lead\">PSNR from 26.9 to 27.2 dB; best: psf.grid_cells 64.</p>",
+            "The same in every unit: focal length 50, trials 20.",
+            "<div class=\"scroll\"><table",
             "<code>psf.grid_cells</code>",
             "<strong>27.2 ± 0.2</strong>",
             "27.0 to 27.4",

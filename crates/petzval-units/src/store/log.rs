@@ -51,6 +51,8 @@ impl Log {
                     self.has_advanced.store(true, Ordering::Relaxed);
                 }
             }
+            // A score that is cut short is lost, and its windows with it.
+            Event::Scoring { .. } => {}
             Event::Step { .. } => self.has_advanced.store(true, Ordering::Relaxed),
             _ => return true,
         }

@@ -19,6 +19,10 @@ use crate::store::Store;
 /// Most figures of a response that become columns, for jobs without scores.
 const MOST_FIGURES: usize = 40;
 
+/// The job that makes lenses at random, and where their figures stand in its response.
+const TOLERANCES: &str = "lens-tolerance";
+const RANDOM_LENSES: &str = "report.monte_carlo";
+
 /// A figure that units have, a column of the tables.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FigureColumn {
@@ -152,6 +156,9 @@ pub fn gather(sweep: &KeptSweep, root: &Path, status: SweepStatus, cancel: &Canc
         } else {
             let mut values = BTreeMap::new();
             add_numbers("", &result.response, &mut values);
+            if sweep.job == TOLERANCES {
+                add_columns(&mut figures, of_random_lenses(&result.response, &mut values));
+            }
             add_columns(&mut figures, values.keys().take(MOST_FIGURES).map(|name| plain(name)));
             found.push((bare("", false), values));
         }
@@ -191,6 +198,27 @@ fn of_design(metrics: &Metrics) -> impl Iterator<Item = FigureColumn> + '_ {
     }))
 }
 
+/// The figures of lenses made at random, which head the columns. What nine of ten lenses reach stands in a list of the response.
+fn of_random_lenses(response: &Value, values: &mut BTreeMap<String, f64>) -> Vec<FigureColumn> {
+    let found = &response["report"]["monte_carlo"];
+    let is_90 = |entry: &&Value| entry["percent"].as_f64() == Some(90.0);
+    let of_90 = found["percentiles"].as_array().and_then(|all| all.iter().find(is_90)?["merit"].as_f64());
+    values.extend(of_90.map(|merit| (format!("{RANDOM_LENSES}.merit_of_90_percent"), merit)));
+    let is_higher = response["report"]["better"] == "higher";
+    let columns = [
+        ("yield_at_limit", "yield at the limit", true),
+        ("merit_of_90_percent", "merit that 90 % of the lenses reach", is_higher),
+        ("mean", "mean merit of random lenses", is_higher),
+        ("standard_deviation", "standard deviation of random lenses", false),
+    ];
+    let column = |(name, title, higher): (&str, &str, bool)| FigureColumn {
+        title: title.to_owned(),
+        higher_is_better: Some(higher),
+        ..plain(&format!("{RANDOM_LENSES}.{name}"))
+    };
+    columns.map(column).into_iter().filter(|column| values.contains_key(&column.name)).collect()
+}
+
 /// A figure of which only its name is known.
 fn plain(name: &str) -> FigureColumn {
     FigureColumn {
@@ -202,7 +230,7 @@ fn plain(name: &str) -> FigureColumn {
     }
 }
 
-fn add_columns(known: &mut Vec<FigureColumn>, more: impl Iterator<Item = FigureColumn>) {
+fn add_columns(known: &mut Vec<FigureColumn>, more: impl IntoIterator<Item = FigureColumn>) {
     for column in more {
         if !known.iter().any(|other| other.name == column.name) {
             known.push(column);
@@ -412,5 +440,27 @@ mod tests {
         let mut found = BTreeMap::new();
         add_numbers("", &json!({"a": 1, "b": {"c": 2.5, "d": "x"}, "e": [3], "f": null}), &mut found);
         assert_eq!(found, BTreeMap::from([("a".to_owned(), 1.0), ("b.c".to_owned(), 2.5)]));
+    }
+
+    #[test]
+    fn what_random_lenses_reach_heads_the_columns_of_tolerances() {
+        let response = json!({"report": {"better": "lower", "estimate": {"mean": 35.3}, "monte_carlo": {
+            "mean": 35.6, "standard_deviation": 0.99, "yield_at_limit": null,
+            "percentiles": [{"percent": 50.0, "merit": 35.2}, {"percent": 90.0, "merit": 36.8}],
+        }}});
+        let mut values = BTreeMap::new();
+        add_numbers("", &response, &mut values);
+        let columns = of_random_lenses(&response, &mut values);
+        let titles: Vec<&str> = columns.iter().map(|column| column.title.as_str()).collect();
+        assert_eq!(
+            titles,
+            [
+                "merit that 90 % of the lenses reach",
+                "mean merit of random lenses",
+                "standard deviation of random lenses"
+            ]
+        );
+        assert_eq!(values[&columns[0].name], 36.8);
+        assert!(columns.iter().all(|column| column.higher_is_better == Some(false)));
     }
 }

@@ -1,5 +1,6 @@
 //! The page of a sweep: which figures, axes and pictures it shows.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use petzval_base::nearest;
@@ -17,17 +18,20 @@ const SHOWN_FIGURES: usize = 8;
 /// Most pictures of the page. Each takes about 0.1 MB.
 const MOST_PICTURES: usize = 60;
 
+/// The setting of the upward axis.
+const UPWARD: &str = "y";
+
 /// Digits of a figure for which no number of decimals is known.
 const DIGITS: usize = 5;
 
 /// What the page shows, where its reader chooses.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Choice {
-    /// Figure or key along the axis to the right; the first key with numbers if none is named, or the second figure.
+    /// Figure or key along the axis to the right; the key with the most values other than the seed if none is named, or the second figure.
     pub x: Option<String>,
-    /// Figure or key along the upward axis; the first figure if none is named.
+    /// Figure or key along the upward axis; the first figure that varies if none is named.
     pub y: Option<String>,
-    /// Figures of the table; all scores and those of the lens if none is named.
+    /// Figures of the table; those that vary if none is named: all scores and those of the lens.
     pub figures: Vec<String>,
 }
 
@@ -57,6 +61,8 @@ pub fn view(gathered: &Gathered, choice: &Choice, again: &str) -> Result<SweepVi
             gathered.status.in_words(),
             cpu / 3600.0
         ),
+        answer: answer(gathered, &shown),
+        constant: constant_figures(gathered, &shown),
         keys: gathered.keys.clone(),
         figures: figures.collect(),
         rows: gathered.rows.iter().map(row).collect(),
@@ -72,15 +78,106 @@ pub fn view(gathered: &Gathered, choice: &Choice, again: &str) -> Result<SweepVi
     })
 }
 
-/// Places of the figures that the table shows.
+/// Places of the figures that the table shows: those that are named, else those that vary.
 fn shown_figures(gathered: &Gathered, named: &[String]) -> Result<Vec<usize>> {
     if named.is_empty() {
-        let has_decimals = |k: &usize| gathered.figures[*k].decimals.is_some();
-        let described: Vec<usize> = (0..gathered.figures.len()).filter(has_decimals).collect();
-        let all = || (0..gathered.figures.len().min(SHOWN_FIGURES)).collect();
-        return Ok(if described.is_empty() { all() } else { described });
+        Ok(telling_figures(gathered))
+    } else {
+        named.iter().map(|name| figure(gathered, name, "figure")).collect()
     }
-    named.iter().map(|name| figure(gathered, name, "figure")).collect()
+}
+
+/// Places of the figures that say how units differ; all figures where none does.
+pub fn telling_figures(gathered: &Gathered) -> Vec<usize> {
+    let has_decimals = |k: &usize| gathered.figures[*k].decimals.is_some();
+    let described: Vec<usize> = (0..gathered.figures.len()).filter(has_decimals).collect();
+    let all = if described.is_empty() { (0..gathered.figures.len()).collect() } else { described };
+    let varying: Vec<usize> = all.iter().copied().filter(|k| varies(gathered, *k)).collect();
+    let mut telling = if varying.is_empty() { all } else { varying };
+    if !telling.iter().any(has_decimals) {
+        telling.truncate(SHOWN_FIGURES);
+    }
+    telling
+}
+
+/// Whether a figure differs between units and does not repeat a key, as the seed of a response does.
+fn varies(gathered: &Gathered, k: usize) -> bool {
+    let values = || gathered.units.iter().map(|unit| unit.figures[k]);
+    let repeats = |key: usize| {
+        gathered
+            .units
+            .iter()
+            .all(|unit| unit.figures[k].is_some() && unit.values[key].as_f64() == unit.figures[k])
+    };
+    values().any(|value| Some(value) != values().next()) && !(0..gathered.keys.len()).any(repeats)
+}
+
+/// Titles and values of the figures that every unit has alike and the table leaves out.
+fn constant_figures(gathered: &Gathered, shown: &[usize]) -> Vec<(String, String)> {
+    let left_out = (0..gathered.figures.len()).filter(|k| !shown.contains(k));
+    left_out
+        .filter_map(|k| {
+            let value = gathered.units.first()?.figures[k]?;
+            let is_same = gathered.units.iter().all(|unit| unit.figures[k] == Some(value));
+            let FigureColumn { title, unit, .. } = &gathered.figures[k];
+            let number = number(&gathered.figures[k], value);
+            is_same.then(|| {
+                (title.clone(), format!("{number} {}", unit.replace("um", "µm")).trim_end().to_owned())
+            })
+        })
+        .collect()
+}
+
+/// The first of the figures with two different values.
+fn leading_figure(gathered: &Gathered, shown: &[usize]) -> Option<usize> {
+    let has_two = |k: &usize| {
+        let mut values = gathered.units.iter().filter_map(|unit| unit.figures[*k]);
+        values.next().is_some_and(|first| values.any(|value| value != first))
+    };
+    shown.iter().copied().find(has_two)
+}
+
+/// Whether a key is a seed: units that differ in it alone repeat each other.
+fn is_seed(key: &str) -> bool {
+    key.rsplit('.').next() == Some("seed")
+}
+
+/// Between which values the first figure that varies lies, and at which values of the keys it is best: means over the seeds. None where it is the same in all.
+fn answer(gathered: &Gathered, shown: &[usize]) -> Option<String> {
+    let k = leading_figure(gathered, shown)?;
+    let keys: Vec<usize> = (0..gathered.keys.len()).filter(|key| !is_seed(&gathered.keys[*key])).collect();
+    let mut groups: Vec<(String, Vec<f64>)> = Vec::new();
+    for unit in gathered.units.iter().filter(|unit| !unit.is_ceiling) {
+        let Some(value) = unit.figures[k] else { continue };
+        let of_keys =
+            keys.iter().map(|key| format!("{} {}", gathered.keys[*key], in_words(&unit.values[*key])));
+        let camera = Some(unit.camera.clone()).filter(|camera| !camera.is_empty());
+        let name = of_keys.chain(camera).collect::<Vec<_>>().join(", ");
+        match groups.iter_mut().find(|known| known.0 == name) {
+            Some((_, values)) => values.push(value),
+            None => groups.push((name, vec![value])),
+        }
+    }
+    let has_seeds = groups.iter().any(|(_, values)| values.len() > 1);
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    let mut means: Vec<(String, f64)> =
+        groups.into_iter().map(|(name, values)| (name, mean(&values))).collect();
+    means.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let [(least, low), .., (most, high)] = &means[..] else { return None };
+    let figure = &gathered.figures[k];
+    let title = figure.title.chars().take(1).flat_map(char::to_uppercase).chain(figure.title.chars().skip(1));
+    let ends = match figure.higher_is_better {
+        Some(true) => format!("best: {most}"),
+        Some(false) => format!("best: {least}"),
+        None => format!("least: {least}; largest: {most}"),
+    };
+    Some(format!(
+        "{} from {} to {}{}; {ends}.",
+        title.collect::<String>(),
+        number(figure, *low),
+        format!("{} {}", number(figure, *high), figure.unit.replace("um", "µm")).trim_end(),
+        if has_seeds { ", means over the seeds" } else { "" },
+    ))
 }
 
 /// The place of a figure by its name, or by the last part of its name where that is of one figure alone. The error names those that there are.
@@ -110,10 +207,7 @@ fn figure(gathered: &Gathered, name: &str, setting: &'static str) -> Result<usiz
 /// A figure of a row in words.
 fn cell(figure: &FigureColumn, spread: Option<Spread>) -> SweepFigure {
     let Some(spread) = spread else { return SweepFigure { mean: "-".to_owned(), range: String::new() } };
-    let number = |value: f64| match figure.decimals {
-        Some(decimals) => format!("{value:.decimals$}"),
-        None => significant(value),
-    };
+    let number = |value: f64| number(figure, value);
     let Some(deviation) = spread.deviation else {
         return SweepFigure { mean: number(spread.mean), range: String::new() };
     };
@@ -123,13 +217,21 @@ fn cell(figure: &FigureColumn, spread: Option<Spread>) -> SweepFigure {
     }
 }
 
+/// A value of a figure, with the decimals that are worth printing.
+pub fn number(figure: &FigureColumn, value: f64) -> String {
+    match figure.decimals {
+        Some(decimals) => format!("{value:.decimals$}"),
+        None => significant(value),
+    }
+}
+
 /// A number with a few digits.
 fn significant(value: f64) -> String {
     let power = value.abs().log10().floor();
     if value == 0.0 || !power.is_finite() {
         return value.to_string();
     }
-    if !(-4.0..9.0).contains(&power) {
+    if !(-4.0..DIGITS as f64).contains(&power) {
         return format!("{value:.*e}", DIGITS - 1);
     }
     let decimals = (DIGITS as f64 - 1.0 - power).max(0.0) as usize;
@@ -140,6 +242,8 @@ fn significant(value: f64) -> String {
 /// A quantity of an axis.
 enum Quantity {
     Key(usize),
+    /// A key whose values are words, with the words in the order of the sweep.
+    Words(usize, Vec<String>),
     Figure(usize),
 }
 
@@ -148,23 +252,42 @@ impl Quantity {
         let Some(key) = gathered.keys.iter().position(|key| key == name) else {
             return figure(gathered, name, setting).map(Self::Figure);
         };
-        if gathered.units.iter().any(|unit| unit.values[key].as_f64().is_none()) {
-            let hint = "name a key whose values are numbers, or a figure";
-            return Err(JobError::setting(setting, name, "the values of this key are no numbers", hint));
+        match Self::of_key(gathered, key) {
+            Self::Words(..) if setting == UPWARD => {
+                let hint = "name a key whose values are numbers, or a figure";
+                Err(JobError::setting(setting, name, "the values of this key are no numbers", hint))
+            }
+            quantity => Ok(quantity),
         }
-        Ok(Self::Key(key))
+    }
+
+    fn of_key(gathered: &Gathered, key: usize) -> Self {
+        if gathered.units.iter().all(|unit| unit.values[key].as_f64().is_some()) {
+            return Self::Key(key);
+        }
+        let mut words: Vec<String> = Vec::new();
+        for word in gathered.units.iter().map(|unit| in_words(&unit.values[key])) {
+            if !words.contains(&word) {
+                words.push(word);
+            }
+        }
+        Self::Words(key, words)
     }
 
     fn value(&self, unit: &UnitResult) -> Option<f64> {
         match self {
             Self::Key(key) => unit.values[*key].as_f64(),
+            Self::Words(key, words) => {
+                let word = in_words(&unit.values[*key]);
+                words.iter().position(|known| *known == word).map(|place| place as f64)
+            }
             Self::Figure(k) => unit.figures[*k],
         }
     }
 
     fn name(&self, gathered: &Gathered) -> String {
         match self {
-            Self::Key(key) => format!("key {}", gathered.keys[*key]),
+            Self::Key(key) | Self::Words(key, _) => format!("key {}", gathered.keys[*key]),
             Self::Figure(k) => {
                 let FigureColumn { title, unit, .. } = &gathered.figures[*k];
                 let unit = unit.replace("um", "µm");
@@ -176,17 +299,13 @@ impl Quantity {
 
 /// Two quantities against each other; none where no unit has both.
 fn scatter(gathered: &Gathered, choice: &Choice, shown: &[usize]) -> Result<Option<Scatter>> {
-    let with_numbers = (0..gathered.keys.len()).find(|key| {
-        let values = || gathered.units.iter().map(|unit| unit.values[*key].as_f64());
-        values().all(|value| value.is_some()) && values().any(|value| value != values().next().flatten())
-    });
     let y = match &choice.y {
-        Some(name) => Some(Quantity::of(gathered, name, "y")?),
-        None => shown.first().map(|k| Quantity::Figure(*k)),
+        Some(name) => Some(Quantity::of(gathered, name, UPWARD)?),
+        None => leading_figure(gathered, shown).or(shown.first().copied()).map(Quantity::Figure),
     };
-    let x = match (&choice.x, with_numbers) {
+    let x = match (&choice.x, telling_key(gathered)) {
         (Some(name), _) => Some(Quantity::of(gathered, name, "x")?),
-        (None, Some(key)) => Some(Quantity::Key(key)),
+        (None, Some(key)) => Some(Quantity::of_key(gathered, key)),
         (None, None) => shown.get(1).map(|k| Quantity::Figure(*k)),
     };
     let (Some(x), Some(y)) = (x, y) else { return Ok(None) };
@@ -199,7 +318,19 @@ fn scatter(gathered: &Gathered, choice: &Choice, shown: &[usize]) -> Result<Opti
         }
     }
     let names = [x.name(gathered), y.name(gathered)];
-    Ok((!groups.is_empty()).then_some(Scatter { names, groups }))
+    let x_words = if let Quantity::Words(_, words) = x { words } else { Vec::new() };
+    Ok((!groups.is_empty()).then_some(Scatter { names, x_words, groups }))
+}
+
+/// The key with the most values, the first of several; a seed only where nothing else varies. None where none has two.
+fn telling_key(gathered: &Gathered) -> Option<usize> {
+    let count = |key: &usize| {
+        let values: BTreeSet<String> =
+            gathered.units.iter().map(|unit| in_words(&unit.values[*key])).collect();
+        values.len()
+    };
+    let varying = (0..gathered.keys.len()).rev().filter(|key| count(key) > 1);
+    varying.max_by_key(|key| (!is_seed(&gathered.keys[*key]), count(key)))
 }
 
 /// The first held-out picture by the first unit of every row, and the scene itself.
@@ -254,7 +385,9 @@ mod tests {
             (0.0, "0"),
             (12.0, "12"),
             (0.125, "0.125"),
-            (1234567.0, "1234567"),
+            (54321.0, "54321"),
+            (1234567.0, "1.2346e6"),
+            (35.25785574293837, "35.258"),
             (1e-7, "1.0000e-7"),
             (2.7654321, "2.7654"),
         ] {
@@ -273,5 +406,73 @@ mod tests {
             status: crate::sweep::SweepStatus { title: String::new(), units: Vec::new() },
         };
         assert_eq!(Quantity::Key(0).name(&gathered), "key training.learning_rate");
+    }
+
+    /// Tolerances of two grades with two seeds each: yields, means, an estimate that no seed moves, and what is the same in all.
+    fn tolerances() -> Gathered {
+        let names = ["estimate", "mean", "seed", "trials"];
+        let plain = |name: &str| FigureColumn {
+            name: name.to_owned(),
+            title: name.to_owned(),
+            unit: String::new(),
+            decimals: None,
+            higher_is_better: None,
+        };
+        let yielded = FigureColumn { higher_is_better: Some(true), ..plain("yield at the limit") };
+        let unit = |grade: &str, seed: u64, yielded: f64, estimate: f64| UnitResult {
+            unit: format!("grade={grade},seed={seed}"),
+            camera: String::new(),
+            is_ceiling: false,
+            values: vec![serde_json::json!(seed), serde_json::json!(grade)],
+            seed: None,
+            figures: [yielded, estimate, 35.0 + yielded, seed as f64, 50.0].map(Some).to_vec(),
+            files: None,
+            cpu_seconds: 0.1,
+        };
+        Gathered {
+            title: String::new(),
+            keys: vec!["seed".to_owned(), "grade".to_owned()],
+            figures: [yielded].into_iter().chain(names.map(plain)).collect(),
+            rows: Vec::new(),
+            units: vec![
+                unit("commercial", 1, 0.5, 1.0578),
+                unit("commercial", 2, 0.75, 1.0578),
+                unit("high", 1, 0.875, 0.0583),
+                unit("high", 2, 1.0, 0.0583),
+            ],
+            status: crate::sweep::SweepStatus { title: String::new(), units: Vec::new() },
+        }
+    }
+
+    #[test]
+    fn figures_that_do_not_vary_have_no_column_and_the_seed_is_no_axis() {
+        let gathered = tolerances();
+        let view = view(&gathered, &Choice::default(), "").unwrap();
+        let titles: Vec<&str> = view.figures.iter().map(|(title, _)| title.as_str()).collect();
+        assert_eq!(titles, ["yield at the limit", "estimate", "mean"], "the seed repeats a key");
+        assert_eq!(view.constant, [("trials".to_owned(), "50".to_owned())]);
+        assert_eq!(
+            view.answer.unwrap(),
+            "Yield at the limit from 0.625 to 0.9375, means over the seeds; best: grade high."
+        );
+        let scatter = view.scatter.unwrap();
+        assert_eq!(scatter.names, ["key grade", "yield at the limit"]);
+        assert_eq!(scatter.x_words, ["commercial", "high"]);
+        assert_eq!(scatter.groups[0].at, [[0.0, 0.5], [0.0, 0.75], [1.0, 0.875], [1.0, 1.0]]);
+    }
+
+    #[test]
+    fn a_named_figure_stays_and_words_go_to_the_right_alone() {
+        let gathered = tolerances();
+        let choice = |x: Option<&str>, y: Option<&str>, figure: &str| Choice {
+            x: x.map(str::to_owned),
+            y: y.map(str::to_owned),
+            figures: vec![figure.to_owned()],
+        };
+        let trials = view(&gathered, &choice(Some("seed"), None, "trials"), "").unwrap();
+        assert_eq!((trials.figures.len(), trials.answer), (1, None));
+        assert_eq!(trials.scatter.unwrap().names[0], "key seed");
+        let refused = view(&gathered, &choice(None, Some("grade"), "mean"), "").unwrap_err();
+        assert!(refused.to_string().contains("no numbers"), "{refused}");
     }
 }

@@ -153,6 +153,10 @@ impl Watcher for Stderr {
                 let left = time_left.as_ref().map_or_else(String::new, left_in_words);
                 self.progress(*step, *total, &event.to_string(), Some(&left));
             }
+            Event::Scoring { done, total, time_left, .. } => {
+                let left = time_left.as_ref().map(left_in_words);
+                self.progress(*done, *total, &event.to_string(), left.as_deref());
+            }
             // What a verb has written it prints at its end.
             Event::File { .. } => {}
         }

@@ -289,6 +289,9 @@ fn a_folder_with_boxes_takes_the_place_of_the_streets() {
     assert!(said.says("3 windows of 8 pictures in training, 3 windows of 2 in scores"), "{}", said.stderr);
     assert!(read(&root.join("run/config.toml")).contains("data = "));
     run_ok(root, &["evaluate", "run"]);
+    // Two of the ten are held out.
+    let seen = run_ok(root, &["detect", "--data", "in", "--run", "run"]);
+    assert!(seen.says("has been trained on 8 of these 10 pictures"), "{}", seen.stderr);
     // Its camera on other labelled pictures: all of them are held out, and scores have ranges.
     std::fs::create_dir(root.join("other")).unwrap();
     write_lights(&root.join("other"));

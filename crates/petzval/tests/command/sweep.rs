@@ -139,6 +139,11 @@ fn a_sweep_of_a_job_is_run_here_gathered_and_a_failed_unit_run_again() {
     );
     assert_eq!(lines.len(), 3);
     assert!(read(&folder.path().join("sweeps/s/sweep.html")).contains("class=\"points\""));
+    // By default the lenses stand to the right, by their names.
+    run_ok(folder.path(), &["sweep", "gather", "sweeps/s"]);
+    let page = read(&folder.path().join("sweeps/s/sweep.html"));
+    assert!(page.contains(">key lens</text>") && page.contains(">single</text>"), "{page}");
+    assert!(page.contains("class=\"lead\"") && page.contains("; largest: lens "), "{page}");
     run_fails(
         folder.path(),
         &["sweep", "gather", "sweeps/s", "--x", "elf_mm"],
@@ -147,9 +152,9 @@ fn a_sweep_of_a_job_is_run_here_gathered_and_a_failed_unit_run_again() {
     );
     run_fails(
         folder.path(),
-        &["sweep", "gather", "sweeps/s", "--x", "lens"],
+        &["sweep", "gather", "sweeps/s", "--y", "lens"],
         2,
-        &["--x lens: the values of this key are no numbers"],
+        &["--y lens: the values of this key are no numbers"],
     );
 
     // A ray at a field that the lens cannot take fails, and nothing else does.

@@ -267,6 +267,24 @@ fn fewer_steps_shorten_every_block() {
     // Half of 4 network steps, and half of 3 lens steps, rounded up; a lens is improved alone in one step as before.
     assert_eq!(events(&run).last().unwrap()["step"], 3 * (2 + 1) + LENS_STAGES + 2);
     assert_eq!(read_json(&run.join("metrics.json"))["rows"][0]["network_steps"], 2);
+    // Answer, caveat and the description of the run say how short it was.
+    let html = read(&run.join("report.html"));
+    for needle in [
+        "after 2 of 4 network steps: ",
+        "This run is shorter than its experiment: 2 of 4 network steps.",
+        "The run was made short: 2 of 4 network steps.",
+    ] {
+        assert!(html.contains(needle), "{needle}");
+    }
+    assert_eq!(read_json(&run.join("run.json"))["usual_steps"], 4);
+    // The grid of 64 cells cuts the outer PSFs: the page says so beside the scores.
+    let row = &read_json(&run.join("metrics.json"))["rows"][0];
+    let lost =
+        format!("cuts off {:.0} % of the light", 100.0 * (1.0 - row["psf_captured"].as_f64().unwrap()));
+    assert_eq!(html.contains(&lost), row["psf_captured"].as_f64().unwrap() < 0.98, "{lost}");
+    // One that is extended to all steps of its experiment is not short.
+    run_ok(folder.path(), &["design", "--resume", "run", "--extend-to", "4"]);
+    assert!(!read(&run.join("report.html")).contains("shorter than its experiment"));
 }
 
 #[test]

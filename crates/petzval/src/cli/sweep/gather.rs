@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use crate::base::{Cancel, pasted};
 use crate::units::store::Seen;
-use crate::units::sweep::{Choice, Gathered, KeptSweep, gather, keep_results, status, units_file, view};
+use crate::units::sweep::{
+    Choice, Gathered, KeptSweep, gather, keep_results, number, status, telling_figures, units_file, view,
+};
 
 use super::super::code::Code;
 use super::super::failure::Failure;
@@ -23,13 +25,13 @@ pub struct Args {
     /// Folder for the tables and the page [default: the store]
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
-    /// Key or figure along the axis of the scatter plot to the right [default: the first key with numbers, else the second figure]
+    /// Key or figure along the axis of the scatter plot to the right [default: the key with the most values other than the seed, else the second figure]
     #[arg(long, value_name = "NAME")]
     x: Option<String>,
-    /// Key or figure along its upward axis [default: the first figure]
+    /// Key or figure along its upward axis [default: the first figure that varies]
     #[arg(long, value_name = "NAME")]
     y: Option<String>,
-    /// Figure that the page shows; may be repeated [default: all scores and those of the lens]
+    /// Figure that the page shows; may be repeated [default: those that vary: all scores and those of the lens]
     #[arg(long, value_name = "NAME")]
     figure: Vec<String>,
     /// Machine-readable output
@@ -72,21 +74,21 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<Code, Failure> {
 /// Figures of the table on the terminal.
 const SHOWN: usize = 4;
 
-/// The table with its first figures.
+/// The table with its first figures that vary.
 fn in_words(gathered: &Gathered) -> String {
-    let figures = gathered.figures.len().min(SHOWN);
+    let figures: Vec<usize> = telling_figures(gathered).into_iter().take(SHOWN).collect();
     let text = |value: &serde_json::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
     let heads = gathered.keys.iter().map(String::as_str).chain(["camera", "units"]);
-    let named = gathered.figures.iter().take(figures).map(|figure| figure.name.as_str());
+    let named = figures.iter().map(|k| gathered.figures[*k].name.as_str());
     let heads: Vec<String> = heads.chain(named).map(|head| plain::line(head).into_owned()).collect();
     let mut table = TextTable::new(heads.iter().map(String::as_str));
     for row in &gathered.rows {
-        let cells = row.figures.iter().take(figures).zip(&gathered.figures).map(|(spread, figure)| {
-            let Some(spread) = spread else { return "-".to_owned() };
-            let decimals = figure.decimals.unwrap_or(4);
-            let deviation =
-                spread.deviation.map_or_else(String::new, |deviation| format!(" ± {deviation:.decimals$}"));
-            format!("{:.decimals$}{deviation}", spread.mean)
+        let cells = figures.iter().map(|k| {
+            let (Some(spread), figure) = (row.figures[*k], &gathered.figures[*k]) else {
+                return "-".to_owned();
+            };
+            let deviation = spread.deviation.map(|deviation| format!(" ± {}", number(figure, deviation)));
+            number(figure, spread.mean) + &deviation.unwrap_or_default()
         });
         let camera = if row.camera.is_empty() { "-".to_owned() } else { row.camera.clone() };
         let cells = row.values.iter().map(text).chain([camera, row.units.len().to_string()]).chain(cells);
