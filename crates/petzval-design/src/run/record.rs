@@ -61,7 +61,7 @@ impl RunRecord {
     }
 
     /// Notes the steps that the experiment of a new run has without the request.
-    pub fn note_usual_steps(run: &RunFolder, steps: usize) -> Result<(), DesignError> {
+    pub fn note_usual_steps(run: &RunFolder, steps: usize) -> Result<()> {
         match Self::read(run)? {
             Some(record) => Self { usual_steps: Some(steps), ..record }.write(run),
             None => Ok(()),

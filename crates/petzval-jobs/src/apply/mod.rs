@@ -206,7 +206,7 @@ fn stems(images: &[PathBuf]) -> Result<Vec<String>> {
 }
 
 /// Names the first picture that is not there, before cameras are made.
-fn check_there(images: &[PathBuf]) -> Result<(), JobError> {
+fn check_there(images: &[PathBuf]) -> Result<()> {
     for path in images {
         let there = std::fs::metadata(path);
         there.map_err(|source| DesignError::from(ImageError::Io { path: path.clone(), source }))?;
