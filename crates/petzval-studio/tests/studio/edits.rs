@@ -371,3 +371,79 @@ fn quick_and_exact_pictures_are_of_the_same_window_and_nearly_the_same() {
     // What is kept from call to call changes nothing.
     assert_eq!(run(&context, "camera-view", &request(false)).unwrap(), exact);
 }
+
+/// The nominal triplet whose second surface stands off its place.
+fn misplaced(context: &Context, placement: &str) -> Value {
+    let text = run(context, "lens-edit", &json!({"lens": "cooke-triplet-nominal"})).unwrap();
+    let text = text["text"].as_str().unwrap();
+    let gap = "thickness_mm = 8.11\n";
+    assert!(text.contains(gap));
+    json!({"toml": text.replacen(gap, &format!("placement = {{ {placement}, axis = \"returns\" }}\n{gap}"), 1)})
+}
+
+#[test]
+fn a_lens_without_symmetry_has_its_picture() {
+    use base64::Engine;
+    let context = context();
+    let picture = |lens: &Value, quick: bool, at: [f64; 2]| -> (Value, Vec<u8>) {
+        let request = json!({"lens": lens, "size": [96, 96], "at": at, "quick": quick, "no_noise": true, "array": [1200, 1920]});
+        let view = run(&context, "camera-view", &request).unwrap();
+        let bytes = base64::engine::general_purpose::STANDARD.decode(view["rgb"].as_str().unwrap()).unwrap();
+        (view, bytes)
+    };
+    let rms = |a: &[u8], b: &[u8]| -> f64 {
+        let square = |(a, b): (&u8, &u8)| (f64::from(*a) - f64::from(*b)).powi(2);
+        (a.iter().zip(b).map(square).sum::<f64>() / a.len() as f64).sqrt()
+    };
+    // A tilt of a billionth of a degree leaves the picture of the symmetric lens, by the other way.
+    let symmetric = json!("cooke-triplet-nominal");
+    let hardly = misplaced(&context, "tilt_deg = [1e-9, 0.0, 0.0]");
+    for at in [[0.5, 0.5], [0.75, 0.3], [0.2, 0.6]] {
+        let ((one, a), (other, b)) = (picture(&symmetric, false, at), picture(&hardly, false, at));
+        assert!(rms(&a, &b) < 1.5, "{at:?}: {}", rms(&a, &b));
+        for key in ["placement", "array", "white_e", "image_radius_mm"] {
+            assert_eq!(one[key], other[key], "{key}");
+        }
+    }
+    // A decentre of 0.1 mm shows; the quick picture is near the exact one, which is the same at every call.
+    let decentred = misplaced(&context, "decenter_mm = [0.07, 0.07]");
+    let (_, centred) = picture(&symmetric, false, [0.5, 0.5]);
+    let (view, exact) = picture(&decentred, false, [0.5, 0.5]);
+    assert!(rms(&centred, &exact) > 3.0, "{}", rms(&centred, &exact));
+    let (_, quick) = picture(&decentred, true, [0.5, 0.5]);
+    assert!(rms(&quick, &exact) < 8.0, "{}", rms(&quick, &exact));
+    assert_eq!(picture(&decentred, false, [0.5, 0.5]).0, view);
+    assert!(view["psf_fields"].as_u64().unwrap() >= 4);
+    // Far outside of the image no ray lands, and the error says so.
+    let request = json!({"lens": decentred, "size": [96, 96], "at": [0.0, 0.0], "array": [6000, 9600]});
+    let report = run(&context, "camera-view", &request).unwrap_err().report();
+    assert!(report.message.contains("no chief ray lands"), "{report:?}");
+}
+
+#[test]
+fn a_slanted_edge_of_a_window_is_measured_where_it_is_named() {
+    let context = context();
+    let view = |region: Value, isp: Value| {
+        let request = json!({"lens": "cooke-triplet-nominal", "photo": "scene:slanted-edge", "size": [128, 128], "edges": [region], "isp": isp});
+        run(&context, "camera-view", &request)
+    };
+    let region = json!({"row": 24, "col": 34, "height": 80, "width": 60});
+    let mtf50 = |found: &Value| -> f64 {
+        assert_eq!(found["edges"][0]["region"], region);
+        let channel = &found["edges"][0]["channels"][0];
+        assert_eq!((&channel["channel"], &channel["is_upright"]), (&json!("luminance"), &json!(true)));
+        assert!((channel["angle_deg"].as_f64().unwrap() - 5.0).abs() < 0.3, "{channel}");
+        channel["mtf50_per_px"].as_f64().unwrap()
+    };
+    let linear = mtf50(&view(region.clone(), json!(null)).unwrap());
+    assert!((0.1..0.6).contains(&linear), "{linear}");
+    // An ISP sharpens: its own picture is measured, behind its sRGB curve.
+    let neutral = mtf50(&view(region.clone(), json!("neutral")).unwrap());
+    assert!((1.2..3.0).contains(&(neutral / linear)), "{neutral} {linear}");
+    let report =
+        view(json!({"row": 0, "col": 0, "height": 20, "width": 20}), json!(null)).unwrap_err().report();
+    assert!(report.hint.contains("one straight edge"), "{}", report.message);
+    let report =
+        view(json!({"row": 100, "col": 0, "height": 80, "width": 20}), json!(null)).unwrap_err().report();
+    assert!(report.message.contains("128 rows and 128 columns"), "{}", report.message);
+}
