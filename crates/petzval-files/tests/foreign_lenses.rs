@@ -180,10 +180,11 @@ fn files_in_the_styles_of_other_programs() {
             DOUBLET.replace("XFLN 0 0", "XFLN 0 5").replace("YFLN 0 5", "YFLN 0 0"),
             Read(plain, Some("off the y axis")),
         ),
+        ("weights of fields", DOUBLET.replace("FWGN 1 1", "FWGN 1 2"), Read(plain, None)),
         (
-            "weights of fields",
-            DOUBLET.replace("FWGN 1 1", "FWGN 1 2"),
-            Read(plain, Some("weights of fields")),
+            "weights of fields below 0",
+            DOUBLET.replace("FWGN 1 1", "FWGN 1 -2"),
+            Read(plain, Some("weights of fields below 0")),
         ),
         (
             "vignetting factors",
@@ -229,7 +230,7 @@ fn files_in_the_styles_of_other_programs() {
         }
     }
     assert!(wrong.is_empty(), "{read} read, {refused} refused, and these are wrong:\n{}", wrong.join("\n"));
-    assert_eq!((read, refused), (28, 4));
+    assert_eq!((read, refused), (29, 4));
 }
 
 /// Whether a hair's breadth in front of the focus or behind it, a stop at the focus makes parallel chief rays of the right heights, and a cone of

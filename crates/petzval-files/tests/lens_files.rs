@@ -172,6 +172,7 @@ fn every_number_of_a_lens_file_keeps_its_bits() {
                 }),
                 ..Expect::default()
             }),
+            field_weights: vec![size(any(), -2), size(any(), 3)],
             variables: vec![Variable {
                 surface: 0,
                 number: Number::Conic,
@@ -230,6 +231,7 @@ fn writing_and_reading_keeps_special_surfaces() {
         let file = LensFile {
             lens,
             expect: None,
+            field_weights: Vec::new(),
             variables: vec![variable],
             pickups: if two { vec![pickup] } else { Vec::new() },
             efl_solve: None,

@@ -129,6 +129,7 @@ fn seeds() -> (Vec<String>, Vec<String>) {
         let file = LensFile {
             lens,
             expect: None,
+            field_weights: Vec::new(),
             variables: vec![],
             pickups: vec![],
             efl_solve: None,

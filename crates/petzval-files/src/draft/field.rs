@@ -32,6 +32,8 @@ pub(crate) struct Fields {
     pub record: Record,
     /// The record that calls the object telecentric: the chief rays in front of the lens are parallel to the axis.
     pub telecentric: Option<Record>,
+    /// The weights that the file gives the fields, and where; a field without one has 1.
+    pub weights: Option<(Vec<f64>, Record)>,
 }
 
 /// How far the chief rays may be from parallel to the axis where the file says that they are parallel, rad.
@@ -69,11 +71,34 @@ pub(super) fn check_telecentric(
     Ok(())
 }
 
-/// Field angles of the lens, degrees, ascending, each once.
+impl Fields {
+    /// The weight of each field; empty if all are the same, or make no sense, which is a loss.
+    fn weights(&self, losses: &mut Losses) -> Vec<f64> {
+        let Some((stated, record)) = &self.weights else { return Vec::new() };
+        let count = self.points.len();
+        let weights: Vec<f64> = (0..count).map(|i| stated.get(i).copied().unwrap_or(1.0)).collect();
+        if weights.windows(2).all(|w| w[0] == w[1]) {
+            return Vec::new();
+        }
+        if weights.iter().any(|w| *w < 0.0) {
+            let message = "weights of fields below 0 are not kept: all count the same";
+            losses.add(record.line, &record.text, Effect::NoRay, message);
+            return Vec::new();
+        }
+        weights
+    }
+}
+
+/// Field angles of the lens, degrees, ascending, each once, with their weights; these are empty if all are the same. Fields that are mirror images have the
+/// larger weight of the two.
 ///
 /// In a rotationally symmetric lens every field is turned into the y-z plane. Other lenses allow only fields in that plane:
 /// another field is an error.
-pub(super) fn angles_deg(lens: &Lens, fields: &Fields, losses: &mut Losses) -> Result<Vec<f64>, FileError> {
+pub(super) fn angles_deg(
+    lens: &Lens,
+    fields: &Fields,
+    losses: &mut Losses,
+) -> Result<(Vec<f64>, Vec<f64>), FileError> {
     let record = &fields.record;
     let round = lens.is_rotationally_symmetric();
     let (mut turned, mut mirrored) = (false, false);
@@ -131,9 +156,16 @@ pub(super) fn angles_deg(lens: &Lens, fields: &Fields, losses: &mut Losses) -> R
             "negative fields are the mirror images of positive ones: the lens is rotationally symmetric";
         record.lose(losses, Effect::NoRay, message);
     }
-    angles.sort_by(f64::total_cmp);
-    angles.dedup();
-    Ok(angles)
+    let weights = fields.weights(losses);
+    let weight = |i: usize| weights.get(i).copied().unwrap_or(1.0);
+    let mut weighted: Vec<(f64, f64)> =
+        angles.into_iter().enumerate().map(|(i, angle)| (angle, weight(i))).collect();
+    // The largest weight of an angle comes first, and stays.
+    weighted.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.total_cmp(&a.1)));
+    weighted.dedup_by(|a, b| a.0 == b.0);
+    let (angles, weights): (Vec<f64>, Vec<f64>) = weighted.into_iter().unzip();
+    let is_even = weights.windows(2).all(|w| w[0] == w[1]);
+    Ok((angles, if is_even { Vec::new() } else { weights }))
 }
 
 /// The angle of one field as seen from the first vertex, degrees; `None` if no ray belongs to it.

@@ -135,7 +135,8 @@ impl Draft {
         lens.entrance_pupil_mm = aperture::entrance_pupil_mm(&lens, &self.aperture, drafted[stop].clear)?;
         let (mut lens, drafted) = offset::with_planes(lens, drafted, &self.fields, &mut losses);
         lens.entrance_pupil_mm = aperture::within_stop(&lens, &drafted[lens.stop], &mut losses);
-        lens.fields_deg = field::angles_deg(&lens, &self.fields, &mut losses)?;
+        let (fields_deg, field_weights) = field::angles_deg(&lens, &self.fields, &mut losses)?;
+        lens.fields_deg = fields_deg;
         if let Some(record) = &self.fields.telecentric {
             field::check_telecentric(&lens, &lens.fields_deg, record, &mut losses)?;
         }
@@ -145,7 +146,8 @@ impl Draft {
         let unbuildable = flaw.map(|defect| at_fault(&defect, &drafted));
         let is_open = |i: &usize| matches!(clears[*i], Clear::Open(_));
         let open = (0..clears.len()).filter(is_open).collect();
-        Ok(Import { file: LensFile::of(lens), open, losses: losses.into_list(), unbuildable })
+        let file = LensFile { field_weights, ..LensFile::of(lens) };
+        Ok(Import { file, open, losses: losses.into_list(), unbuildable })
     }
 }
 

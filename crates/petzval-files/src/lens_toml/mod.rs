@@ -68,6 +68,8 @@ pub struct LensFile {
     pub lens: Lens,
     /// The properties that its source publishes.
     pub expect: Option<Expect>,
+    /// Weights of the lens's fields in optimisations, one per field; all the same if it is empty.
+    pub field_weights: Vec<f64>,
     /// The variables, with their bounds.
     pub variables: Vec<Variable>,
     /// The pickups: numbers that follow variables. Radii follow as curvatures.
@@ -82,11 +84,12 @@ pub struct LensFile {
 }
 
 impl LensFile {
-    /// A lens without variables, solves and published properties.
+    /// A lens without weights, variables, solves and published properties.
     pub fn of(lens: Lens) -> Self {
         Self {
             lens,
             expect: None,
+            field_weights: Vec::new(),
             variables: Vec::new(),
             pickups: Vec::new(),
             efl_solve: None,

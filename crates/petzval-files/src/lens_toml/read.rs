@@ -4,7 +4,8 @@ use std::ops::Range;
 
 use super::parameter::{CURVATURE, parameters};
 use super::text::{
-    ExpectText, ExpectedText, LensText, Placed, SolveText, SurfaceText, VariableText, WavelengthsText,
+    ExpectText, ExpectedText, FieldsText, LensText, Placed, SolveText, SurfaceText, VariableText,
+    WavelengthsText,
 };
 use super::{Expect, Expected, ExpectedSpots, LensFile};
 use crate::draft::{Import, is_exactly_telecentric, with_open_surfaces, with_stop_beside_focus};
@@ -72,6 +73,7 @@ pub fn parse_lens_start(text: &str, catalog: &Catalog) -> Result<Import, FileErr
         fields_deg: Vec::new(),
     };
     lens.fields_deg = reader.fields(&file.fields.angle_deg, lens.object, lens.is_rotationally_symmetric())?;
+    let field_weights = reader.field_weights(&file.fields, lens.fields_deg.len())?;
     traceable(&lens).map_err(|defect| reader.defect(&defect, &file))?;
     reader.check_entrance_pupil(&lens, &file)?;
     let is_open = |i: &usize| file.surface[*i].get_ref().semi_diameter_mm.is_none();
@@ -82,6 +84,7 @@ pub fn parse_lens_start(text: &str, catalog: &Catalog) -> Result<Import, FileErr
 
     let variables = reader.variables(&file.variable, &lens)?;
     let lens_file = LensFile {
+        field_weights,
         pickups: reader.pickups(&file, &lens, &variables)?,
         length_solve: reader.length_solve(&file, &lens, &variables)?,
         efl_solve: reader.efl_solve(&file, &lens, &variables)?,
@@ -229,6 +232,32 @@ impl Reader<'_> {
         }
         self.check_ascending("angle_deg", angles)?;
         Ok(list)
+    }
+
+    /// Weights of the fields; empty if all are the same.
+    fn field_weights(&self, text: &FieldsText, count: usize) -> Result<Vec<f64>, FileError> {
+        let Some(text) = &text.weight else { return Ok(Vec::new()) };
+        let found = text.get_ref().len();
+        if found != count {
+            let message = format!("{found} weights do not fit the {count} fields");
+            return Err(self.error("weight", text.span(), message).hint("one per field"));
+        }
+        let mut weights = Vec::with_capacity(count);
+        for number in text.get_ref() {
+            let weight = self.finite("weight", number)?;
+            if weight < 0.0 {
+                return Err(self
+                    .error("weight", number.span(), "a weight is at least 0")
+                    .hint("a field of weight 0 does not count"));
+            }
+            weights.push(weight);
+        }
+        if weights.iter().all(|weight| *weight == 0.0) {
+            let message = "all weights are 0: no field would count";
+            return Err(self.error("weight", text.span(), message).hint("give one field a weight"));
+        }
+        let is_even = weights.windows(2).all(|pair| pair[0] == pair[1]);
+        Ok(if is_even { Vec::new() } else { weights })
     }
 
     fn check_ascending(&self, key: &str, list: &Spanned<Vec<Placed>>) -> Result<(), FileError> {

@@ -80,6 +80,8 @@ pub(super) struct WavelengthsText {
 pub(super) struct FieldsText {
     /// Field angles, ascending, from 0 to below 90; for a near object, the angle of the object point as seen from the first vertex. Negative angles are for lenses without rotational symmetry. Unit: degrees.
     pub angle_deg: Spanned<Vec<Placed>>,
+    /// Weights of the fields in `lens optimize`, one per angle; all the same if they are left out.
+    pub weight: Option<Spanned<Vec<Placed>>>,
 }
 
 /// A surface.

@@ -37,6 +37,9 @@ fn write(file: &LensFile, out: &mut String) -> std::fmt::Result {
     writeln!(out, "\n[wavelengths]\num = {}", numbers(&lens.wavelengths_um))?;
     writeln!(out, "reference_um = {}", number(lens.reference_um))?;
     writeln!(out, "\n[fields]\nangle_deg = {}", numbers(&lens.fields_deg))?;
+    if !file.field_weights.is_empty() {
+        writeln!(out, "weight = {}", numbers(&file.field_weights))?;
+    }
 
     let glasses = named_glasses(lens);
     for (name, glass) in &glasses {

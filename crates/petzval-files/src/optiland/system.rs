@@ -71,7 +71,7 @@ pub(super) fn fields(root: &Object<'_>, losses: &mut Losses) -> Result<Fields, F
         losses.assume("the file gives no fields; the axis is the only one");
         points.push([0.0; 2]);
     }
-    Ok(Fields { kind, points, record: group.record("fields"), telecentric })
+    Ok(Fields { kind, points, record: group.record("fields"), telecentric, weights: None })
 }
 
 /// The record by which an object of the file calls the lens telecentric.

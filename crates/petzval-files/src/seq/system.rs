@@ -22,6 +22,7 @@ pub(super) struct System {
     field_kind: Option<(FieldKind, Record)>,
     x: Vec<f64>,
     y: Vec<f64>,
+    field_weights: Option<(Vec<f64>, Record)>,
     telecentric: Option<Record>,
 }
 
@@ -65,11 +66,7 @@ impl System {
             "XOB" | "YOB" => self.read_fields(FieldKind::ObjectHeight, command)?,
             "XIM" | "YIM" => self.read_fields(FieldKind::ParaxialImageHeight, command)?,
             "XRI" | "YRI" => self.read_fields(FieldKind::RealImageHeight, command)?,
-            "WTF" => {
-                if command.numbers(MOST_VALUES)?.windows(2).any(|w| w[0] != w[1]) {
-                    lose(Effect::NoRay, "weights of fields are not kept");
-                }
-            }
+            "WTF" => self.field_weights = Some((command.numbers(MOST_VALUES)?, command.record.clone())),
             "VUX" | "VLX" | "VUY" | "VLY" => {
                 if command.numbers(MOST_VALUES)?.iter().any(|v| *v != 0.0) {
                     let message = "vignetting factors are not read: clear semi-diameters vignette the beam";
@@ -127,7 +124,7 @@ impl System {
         let at = |list: &[f64], i: usize| list.get(i).map_or(0.0, |v| v * scale);
         let count = self.x.len().max(self.y.len()).max(1);
         let points = (0..count).map(|i| [at(&self.x, i), at(&self.y, i)]).collect();
-        Fields { kind, points, record, telecentric }
+        Fields { kind, points, record, telecentric, weights: self.field_weights.clone() }
     }
 
     /// Wavelengths with their weights, and the index of the reference.

@@ -30,7 +30,7 @@ pub fn write_seq(file: &LensFile, catalog: &Catalog) -> Result<Export, FileError
         radii: lens.surfaces.iter().all(|s| has_radii(&s.shape.departure, s.shape.curvature)),
         private: Vec::new(),
     };
-    out.lens(lens)?;
+    out.lens(lens, &file.field_weights)?;
     lose_the_rest(file, &mut out.losses);
     if !lens.source.is_empty() {
         out.losses.add(0, "source", Effect::NoRay, "the format has no place for this");
@@ -51,7 +51,7 @@ fn has_radii(departure: &Departure, curvature: f64) -> bool {
 
 impl<'a> Out<'a> {
     /// The whole lens.
-    fn lens(&mut self, lens: &'a Lens) -> Result<(), FileError> {
+    fn lens(&mut self, lens: &'a Lens, field_weights: &[f64]) -> Result<(), FileError> {
         self.line(format_args!("RDM {};LEN", if self.radii { "Y" } else { "N" }));
         let title = self.quoted("name", &lens.name);
         self.line(format_args!("TITLE {title}"));
@@ -75,6 +75,9 @@ impl<'a> Out<'a> {
         };
         self.list(&format!("X{key}"), &vec!["0.0".to_owned(); values.len()]);
         self.list(&format!("Y{key}"), &values.iter().map(|v| number(*v)).collect::<Vec<_>>());
+        if !field_weights.is_empty() {
+            self.list("WTF", &field_weights.iter().map(|w| number(*w)).collect::<Vec<_>>());
+        }
         self.private_catalog(lens)?;
         let object = match lens.object {
             ObjectDistance::Infinity => INFINITY.to_owned(),

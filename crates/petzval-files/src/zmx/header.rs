@@ -197,7 +197,7 @@ impl Header {
         Ok(())
     }
 
-    /// The fields, with heights in mm. Vignetting factors and unequal weights are reported as losses.
+    /// The fields, with heights in mm. Vignetting factors are reported as losses.
     pub fn fields(&self, mm: f64, losses: &mut Losses) -> Fields {
         let given = self.x.len().max(self.y.len());
         if given == 0 {
@@ -212,16 +212,12 @@ impl Header {
                 record.lose(losses, Effect::Approximated, message);
             }
         }
-        if let Some((weights, record)) = &self.field_weights
-            && weights.iter().take(count).collect::<Vec<_>>().windows(2).any(|w| w[0] != w[1])
-        {
-            record.lose(losses, Effect::NoRay, "weights of fields are not kept");
-        }
         Fields {
             kind: self.field_kind,
             points: (0..count).map(|i| [at(&self.x, i), at(&self.y, i)]).collect(),
             record: self.fields_at.clone(),
             telecentric: self.telecentric.clone(),
+            weights: self.field_weights.clone(),
         }
     }
 

@@ -27,13 +27,13 @@ pub fn write_zmx(file: &LensFile, catalog: &Catalog) -> Result<Export, FileError
     let mut losses = Losses::default();
     let lens = with_open_stop(&file.lens, &mut losses);
     let mut out = Out { text: String::new(), losses, catalog };
-    out.lens(&lens)?;
+    out.lens(&lens, &file.field_weights)?;
     lose_the_rest(file, &mut out.losses);
     Ok(Export { text: out.text, losses: out.losses.into_list() })
 }
 
 impl Out<'_> {
-    fn lens(&mut self, lens: &Lens) -> Result<(), FileError> {
+    fn lens(&mut self, lens: &Lens, field_weights: &[f64]) -> Result<(), FileError> {
         self.line(format_args!("VERS 140124 258 36214"));
         self.line(format_args!("MODE SEQ"));
         self.line(format_args!("NAME {}", one_line(&lens.name)));
@@ -43,7 +43,7 @@ impl Out<'_> {
         self.line(format_args!("UNIT MM X W X CM MR CPMM"));
         self.line(format_args!("ENPD {}", number(lens.entrance_pupil_mm)));
         self.catalogs(lens);
-        self.fields(lens);
+        self.fields(lens, field_weights);
         let (wavelengths, primary) = weighted_wavelengths(lens);
         for (i, (um, weight)) in wavelengths.iter().enumerate() {
             self.line(format_args!("WAVM {} {} {weight}", i + 1, number(*um)));
@@ -78,7 +78,7 @@ impl Out<'_> {
         }
     }
 
-    fn fields(&mut self, lens: &Lens) {
+    fn fields(&mut self, lens: &Lens, weights: &[f64]) {
         let (kind, values) = match lens.object {
             ObjectDistance::Infinity => (0, lens.fields_deg.clone()),
             ObjectDistance::Finite(distance) => {
@@ -95,7 +95,7 @@ impl Out<'_> {
         let list = |value: &dyn Fn(usize) -> String| (0..count).map(value).collect::<Vec<_>>().join(" ");
         self.line(format_args!("XFLN {}", list(&|_| "0".into())));
         self.line(format_args!("YFLN {}", list(&|i| number(values[i]))));
-        self.line(format_args!("FWGN {}", list(&|_| "1".into())));
+        self.line(format_args!("FWGN {}", list(&|i| weights.get(i).map_or("1".into(), |w| number(*w)))));
     }
 
     /// Writes a surface with the coordinate breaks of its placement.

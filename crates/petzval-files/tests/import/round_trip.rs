@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use petzval_base::FileError;
-use petzval_files::{Import, LensFile, parse_seq, parse_zmx, write_seq, write_zmx};
+use petzval_files::{Import, LensFile, parse_lens, parse_seq, parse_zmx, write_lens, write_seq, write_zmx};
 use petzval_optics::glass::{Catalog, Dispersion, Glass};
 use petzval_optics::lens::{Lens, ObjectDistance, Surface};
 use petzval_optics::paraxial::first_order;
@@ -45,6 +45,56 @@ fn writing_and_reading_every_built_in_lens_keeps_its_bits() {
         let seq = parse_seq(&write_seq(&file, &catalog).unwrap().text, &catalog).unwrap();
         same_numbers(&file.lens, &seq.file.lens);
     }
+}
+
+/// A field that is the mirror image of another counts by the larger weight of the two.
+#[test]
+fn weights_of_fields_are_written_and_read_in_every_format() {
+    let catalog = catalog();
+    let plain = file(nominal_triplet());
+    assert!(!write_lens(&plain).contains("weight"));
+    assert!(write_zmx(&plain, &catalog).unwrap().text.contains("FWGN 1 1 1 1\n"));
+    let weights = vec![1.0, 0.25, 0.0, 1.0 / 3.0];
+    let weighted = LensFile { field_weights: weights.clone(), ..plain };
+    let toml = parse_lens(&write_lens(&weighted), &catalog).unwrap();
+    assert_eq!(toml, weighted);
+    let zmx = write_zmx(&weighted, &catalog).unwrap();
+    let seq = write_seq(&weighted, &catalog).unwrap();
+    for (read, export) in [(parse_zmx(&zmx.text, &catalog), &zmx), (parse_seq(&seq.text, &catalog), &seq)] {
+        let read = read.unwrap();
+        assert_eq!(read.file.field_weights, weights, "{}", export.text);
+        let lost = [&read.losses, &export.losses].into_iter().flatten();
+        assert!(!lost.into_iter().any(|loss| loss.message.contains("weight")), "{}", export.text);
+    }
+    let start = zmx.text.find("YFLN").unwrap();
+    let end = start + zmx.text[start..].find("WAVM").unwrap();
+    let mirrored = zmx.text[..start].replace("FTYP 0 0 4", "FTYP 0 0 5")
+        + "YFLN 0 -14 7 14 20\nFWGN 1 3 2 4 1\n"
+        + &zmx.text[end..];
+    let file = parse_zmx(&mirrored.replace("XFLN 0 0 0 0", "XFLN 0 0 0 0 0"), &catalog).unwrap().file;
+    assert_eq!(file.lens.fields_deg, [0.0, 7.0, 14.0, 20.0]);
+    assert_eq!(file.field_weights, [1.0, 2.0, 4.0, 1.0]);
+}
+
+#[test]
+fn weights_that_make_no_sense_are_refused_by_their_line() {
+    let catalog = catalog();
+    let plain = file(nominal_triplet());
+    let text = write_lens(&LensFile { field_weights: vec![1.0, 2.0, 3.0, 4.0], ..plain.clone() });
+    let line = text.lines().position(|line| line.starts_with("weight = ")).unwrap() + 1;
+    for (list, message) in [
+        ("[1.0, 2.0, 3.0]", "3 weights do not fit the 4 fields"),
+        ("[1.0, -2.0, 3.0, 4.0]", "a weight is at least 0"),
+        ("[1.0, inf, 3.0, 4.0]", "this must be a finite number"),
+        ("[0.0, 0.0, 0.0, 0.0]", "all weights are 0"),
+    ] {
+        let error = parse_lens(&text.replace("[1.0, 2.0, 3.0, 4.0]", list), &catalog).unwrap_err();
+        assert_eq!((error.line, error.key.as_str()), (u32::try_from(line).ok(), "weight"), "{error}");
+        assert!(error.message.contains(message), "{list}: {error}");
+    }
+    // Those that are all the same are none.
+    let even = parse_lens(&text.replace("[1.0, 2.0, 3.0, 4.0]", "[2, 2, 2, 2]"), &catalog).unwrap();
+    assert_eq!(even, plain);
 }
 
 /// Here the entrance pupil counts where the clear aperture of the stop is narrower, and other programs clip at it.

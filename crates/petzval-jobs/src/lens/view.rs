@@ -7,7 +7,7 @@ use petzval_optics::analysis::{
     field_curves, field_mtf, first_order_table, layout, mtf_at, spot_diagram,
 };
 use petzval_optics::constraint::{Constraint, SemiDiameters};
-use petzval_optics::lens::{Action, Lens, LensDefect, ObjectDistance, validate};
+use petzval_optics::lens::{Action, Lens, LensDefect, ObjectDistance, Surface, validate};
 use petzval_optics::number::Number;
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -90,6 +90,8 @@ pub struct Response {
     pub fields_deg: Vec<f64>,
     /// All fields of the lens, degrees.
     pub stated_fields_deg: Vec<f64>,
+    /// Weights of all fields in optimisations; empty if all are the same.
+    pub field_weights: Vec<f64>,
     /// The focal length that a radius holds, mm.
     pub solved_efl_mm: Option<f64>,
     /// First-order data.
@@ -153,8 +155,47 @@ pub struct Row {
     pub special: Vec<String>,
     /// Its numbers that vary in optimisations.
     pub varies: Vec<Varies>,
-    /// Its numbers that follow others or are solved for, as lens files name them.
-    pub settled: Vec<String>,
+    /// Its numbers that follow others or are solved for.
+    pub settled: Vec<Settled>,
+}
+
+/// A number that follows another or is solved for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Settled {
+    /// Its name in lens files.
+    pub parameter: String,
+    /// What settles it.
+    pub by: SettledBy,
+}
+
+/// What settles a number.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum SettledBy {
+    /// The same number of another surface: `scale * other + offset`. Radii follow as curvatures.
+    Pickup {
+        /// That surface, from 1.
+        of: usize,
+        /// Factor.
+        scale: f64,
+        /// Offset.
+        offset: f64,
+    },
+    /// The focal length that it holds.
+    Efl {
+        /// Focal length, mm.
+        efl_mm: f64,
+    },
+    /// The magnification of a near object that it holds.
+    Magnification {
+        /// Magnification.
+        magnification: f64,
+    },
+    /// The distance from the first vertex to the last that it holds.
+    Length {
+        /// Distance, mm.
+        length_mm: f64,
+    },
 }
 
 /// What a surface does to light.
@@ -249,6 +290,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         wavelengths_um: shown.wavelengths_um,
         reference_um: lens.reference_um,
         stated_fields_deg: lens.fields_deg.clone(),
+        field_weights: file.field_weights.clone(),
         fields_deg: shown.fields_deg,
     })
 }
@@ -346,24 +388,11 @@ fn rows(file: &LensFile) -> Vec<Row> {
             here
         })
         .collect();
-    let row = |(i, s): (usize, &petzval_optics::lens::Surface)| {
+    let row = |(i, s): (usize, &Surface)| {
         let [nd, vd] = if s.glass.is_air() { [None; 2] } else { nd_and_vd(&s.glass) };
         let of_surface = file.variables.iter().filter(|v| v.surface == i);
         let varies =
             of_surface.map(|v| Varies { parameter: parameter_name(s, v.number), min: v.min, max: v.max });
-        let followers = file.pickups.iter().filter(|p| p.surface == i);
-        let mut settled: Vec<String> =
-            followers.map(|p| parameter_name(s, file.variables[p.variable].number)).collect();
-        settled.extend(
-            (file.solves().curvature())
-                .filter(|(surface, _)| *surface == i)
-                .map(|_| parameter_name(s, Number::Curvature)),
-        );
-        settled.extend(
-            file.length_solve
-                .filter(|(surface, _)| *surface == i)
-                .map(|_| parameter_name(s, Number::Thickness)),
-        );
         Row {
             surface: i + 1,
             label: s.label.clone(),
@@ -386,10 +415,29 @@ fn rows(file: &LensFile) -> Vec<Row> {
             edge_sag_mm: s.shape.sag_at_mm([0.0, s.semi_diameter_mm]),
             special: special_lines(s).lines().map(str::to_owned).collect(),
             varies: varies.collect(),
-            settled,
+            settled: settled(i, s, file),
         }
     };
     lens.surfaces.iter().enumerate().map(row).collect()
+}
+
+/// The numbers of a surface that follow others or are solved for.
+fn settled(i: usize, s: &Surface, file: &LensFile) -> Vec<Settled> {
+    let settled = |number: Number, by: SettledBy| Settled { parameter: parameter_name(s, number), by };
+    let followers = file.pickups.iter().filter(|p| p.surface == i);
+    let pickups = followers.map(|p| {
+        let followed = &file.variables[p.variable];
+        let by = SettledBy::Pickup { of: followed.surface + 1, scale: p.scale, offset: p.offset };
+        settled(followed.number, by)
+    });
+    let efl = file.efl_solve.filter(|solve| solve.surface == i);
+    let efl = efl.map(|solve| settled(Number::Curvature, SettledBy::Efl { efl_mm: solve.efl_mm }));
+    let magnification = file.magnification_solve.filter(|solve| solve.surface == i).map(|solve| {
+        settled(Number::Curvature, SettledBy::Magnification { magnification: solve.magnification })
+    });
+    let length = file.length_solve.filter(|(surface, _)| *surface == i);
+    let length = length.map(|(_, length_mm)| settled(Number::Thickness, SettledBy::Length { length_mm }));
+    pickups.chain(efl).chain(magnification).chain(length).collect()
 }
 
 /// Why the lens cannot be built, and the limits of a goal that it violates at its clear semi-diameters.

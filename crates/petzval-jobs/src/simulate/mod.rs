@@ -5,6 +5,7 @@ mod frame;
 mod highlights;
 mod memory;
 mod output;
+mod patchwise;
 mod photographs;
 mod request;
 mod rig;

@@ -1,7 +1,8 @@
 //! `camera-view`: a window of the sensor at one place of the image, developed, as values; quickly while a lens changes, and exactly.
 //!
 //! The exact picture is the one that `simulate` takes of light on the image plane: its PSFs are traced at as many fields, with as many rays and
-//! blended between as many patches as a score needs. The quick one takes few fields, few rays and few patches.
+//! blended between as many patches as a score needs. The quick one takes few fields, few rays and few patches. Behind a lens without rotational
+//! symmetry, which `simulate` refuses, each patch in the window has the PSF of its own place.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -9,12 +10,12 @@ use std::sync::Arc;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use petzval_camera::develop::{LinearIsp, saturated_share};
-use petzval_camera::image::{CHANNELS, LinearImage, display_bytes, spread};
+use petzval_camera::image::{CHANNELS, LinearImage, display_bytes, spread, srgb_decode};
 use petzval_camera::isp::{Mesh, RawInput};
 use petzval_camera::render::{Placement, RenderGeometry, Window, kernel_radius, with_patches_for};
-use petzval_camera::sensor::{Colour, Exposure, Raw, SensorModel};
+use petzval_camera::sensor::{Colour, Exposure, Noise, Raw, SensorModel};
 use petzval_camera::spectral::{Illuminant, SceneKind, apply, d65_white, xyz_of_reflectance};
-use petzval_design::camera::{Body, Camera, Labels, PsfSource, Psfs, Shot};
+use petzval_design::camera::{Body, Camera, Developed, Labels, PsfSource, Psfs, Shot};
 use petzval_design::error::DesignError;
 use petzval_design::experiment::PsfConfig;
 use petzval_design::lens::psf_plan::PsfPlan;
@@ -28,6 +29,7 @@ use serde::{Deserialize, Serialize};
 
 use super::chip::{MESH, picture};
 use super::highlights::{Saturation, default_white_e};
+use super::patchwise;
 use super::request::scene_name;
 use super::rig::{coarse_patches, coarse_pupil};
 use super::shot::noise;
@@ -38,6 +40,7 @@ use crate::input::{LensInput, SensorInput};
 use crate::lens::edit::{Edit, edited};
 use crate::named_isp::isp_by_name;
 use crate::range::check_ranges;
+use crate::raw::mtf::{self, Edge, Region};
 
 /// Fields and pupil cells a side of quick PSFs.
 const QUICK_FIELDS: usize = 7;
@@ -91,6 +94,8 @@ petzval_base::parameters! {
         isp: Option<String> = None;
         /// Further values of its parameters, each `stage.key=value`.
         set: Vec<String> = Vec::new();
+        /// Regions of the window with one slanted edge each, whose MTF is measured in the developed picture, as `raw-mtf` measures it.
+        edges: Vec<Region> = Vec::new();
         /// Leave out all noise.
         no_noise: bool = false;
         /// Seed of the noise.
@@ -131,7 +136,7 @@ pub struct Response {
     pub histogram: Histogram,
     /// Whether this is the quick picture.
     pub is_quick: bool,
-    /// Fields at which PSFs were traced.
+    /// Fields at which PSFs were traced; places, behind a lens without rotational symmetry.
     pub psf_fields: usize,
     /// Pupil cells a side.
     pub pupil_cells: usize,
@@ -139,6 +144,9 @@ pub struct Response {
     pub patches: [usize; 2],
     /// How many times the scene was enlarged; 1 if each of its pixels is one of the sensor.
     pub enlarged: f64,
+    /// The edges in the regions of the request.
+    #[serde(default)]
+    pub edges: Vec<Edge>,
 }
 
 /// How the values of a window are spread, in [`BINS`] bins of equal width each.
@@ -190,40 +198,24 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     };
     let white_e = white_e * request.exposure_ev.exp2();
     let exposure = Exposure { white_e, time_s: request.time_s, linear_gain: request.gain };
-    // The camera is that of its lens, sensor and exposure; windows, scenes and noise share it.
-    let key = format!("camera {} {exposure:?} {sensor:?} {}", request.quick, lens.toml);
-    let kept = context.kept().get_or(&key, || {
-        let psf = PsfConfig::default();
-        if request.quick {
-            quick_camera(&psf, &lens.file.lens, &sensor, exposure)
-        } else {
-            exact_camera(&psf, &lens.file.lens, &sensor, exposure, context)
-        }
-    })?;
-    kept.warnings.iter().for_each(|(kind, text)| context.warning(*kind, text.clone()));
-    let body = kept.camera.body();
     let window = window_at([x, y], [rows, columns], &sensor);
-    let border =
-        kernel_radius(&body.geometry, &kept.camera.psfs().bank().layout()).map_err(DesignError::from)?;
-    let (scene, enlarged) = scene(&request.photo, &window, border, &sensor, context)?;
-    let shot = Shot {
-        scene,
-        placement: window.placement,
-        kept: None,
-        frame: 0,
-        labels: Labels::default(),
-        follows_light: true,
+    let behind = Behind { lens: &lens.file.lens, toml: &lens.toml, sensor: &sensor, exposure, window };
+    let noise = noise(&simulated);
+    let Looked { taken, geometry, fields, cells, enlarged } = if lens.file.lens.is_rotationally_symmetric() {
+        behind.by_azimuth(request, &noise, context)?
+    } else {
+        behind.by_patch(request, &noise, context)?
     };
-    let taken = kept.camera.developed(&shot, &noise(&simulated))?;
     let share = saturated_share(&taken.raw, &sensor);
     let display_white = Saturation::of(&simulated, &sensor, white_e, share)?.display_white();
     let rgb = match &request.isp {
         Some(name) => by_isp(name, &request.set, (&taken.raw, &taken.illumination), &sensor, context)?,
         None => display_bytes(&taken.picture, display_white),
     };
+    let edges = edges(request, &taken.picture, &rgb, sensor.pixel_um, context)?;
     let raw = raw_bytes(&taken.raw, &sensor);
     let middle = [window.placement.row + window.height / 2, window.placement.col + window.width / 2];
-    let image_radius_mm = body.geometry.radius_mm(middle[0], middle[1]);
+    let image_radius_mm = geometry.radius_mm(middle[0], middle[1]);
     Ok(Response {
         height: window.height,
         width: window.width,
@@ -240,11 +232,92 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         saturated_share: share,
         gray_snr_db: 20.0 * signal_to_noise(&sensor, &exposure, GRAY).log10(),
         is_quick: request.quick,
-        psf_fields: kept.fields,
-        pupil_cells: kept.cells,
-        patches: [body.geometry.patches.0, body.geometry.patches.1],
+        psf_fields: fields,
+        pupil_cells: cells,
+        patches: [geometry.patches.0, geometry.patches.1],
         enlarged,
+        edges,
     })
+}
+
+/// A window that is looked at, and what is in front of it.
+struct Behind<'a> {
+    lens: &'a Lens,
+    /// The text of the lens.
+    toml: &'a str,
+    sensor: &'a SensorModel,
+    exposure: Exposure,
+    window: Window,
+}
+
+/// The window as it was taken.
+struct Looked {
+    taken: Developed,
+    geometry: RenderGeometry,
+    fields: usize,
+    cells: usize,
+    enlarged: f64,
+}
+
+impl Behind<'_> {
+    /// Through a lens with rotational symmetry: a camera turns the PSFs of one azimuth about the axis.
+    fn by_azimuth(&self, request: &Request, noise: &Noise, context: &Context) -> Result<Looked> {
+        let Self { lens, toml, sensor, exposure, window } = *self;
+        // The camera is that of its lens, sensor and exposure; windows, scenes and noise share it.
+        let key = format!("camera {} {exposure:?} {sensor:?} {toml}", request.quick);
+        let kept = context.kept().get_or(&key, || {
+            let psf = PsfConfig::default();
+            if request.quick {
+                quick_camera(&psf, lens, sensor, exposure)
+            } else {
+                exact_camera(&psf, lens, sensor, exposure, context)
+            }
+        })?;
+        kept.warnings.iter().for_each(|(kind, text)| context.warning(*kind, text.clone()));
+        let geometry = kept.camera.body().geometry.clone();
+        let border =
+            kernel_radius(&geometry, &kept.camera.psfs().bank().layout()).map_err(DesignError::from)?;
+        let (scene, enlarged) = scene(&request.photo, &window, border, sensor, context)?;
+        let shot = Shot {
+            scene,
+            placement: window.placement,
+            kept: None,
+            frame: 0,
+            labels: Labels::default(),
+            follows_light: true,
+        };
+        let taken = kept.camera.developed(&shot, noise)?;
+        Ok(Looked { taken, geometry, fields: kept.fields, cells: kept.cells, enlarged })
+    }
+
+    /// Through any other lens: PSFs are those of the places of the patches in the window.
+    fn by_patch(&self, request: &Request, noise: &Noise, context: &Context) -> Result<Looked> {
+        let Self { lens, toml, sensor, exposure, window } = *self;
+        let array = [sensor.height, sensor.width];
+        let key = format!("patches {} {window:?} {array:?} {} {toml}", request.quick, sensor.pixel_um);
+        let kept = context.kept().get_or(&key, || {
+            let psf = PsfConfig::default();
+            if request.quick {
+                let psf = quick_psf(&psf);
+                let plan = psf.plan(sensor, QUICK_CELLS)?;
+                patchwise::Behind { lens, sensor, psf: &psf, plan, window }.quick(QUICK_PATCHES, context)
+            } else {
+                let plan = psf.plan(sensor, psf.scoring_pupil_cells)?;
+                patchwise::Behind { lens, sensor, psf: &psf, plan, window }.exact(context)
+            }
+        })?;
+        kept.warnings.iter().for_each(|(kind, text)| context.warning(*kind, text.clone()));
+        let (scene, enlarged) = scene(&request.photo, &window, kept.border(), sensor, context)?;
+        let taken = kept.developed(&scene, sensor, exposure, noise)?;
+        let (fields, cells) = (kept.places, kept.cells);
+        Ok(Looked { taken, geometry: kept.geometry.clone(), fields, cells, enlarged })
+    }
+}
+
+/// PSFs of fewer and wider cells, over the same area.
+fn quick_psf(psf: &PsfConfig) -> PsfConfig {
+    let grid = (psf.grid as f64 / QUICK_PITCH) as usize;
+    PsfConfig { pitch_um: QUICK_PITCH * psf.pitch_um, grid, ..psf.clone() }
 }
 
 /// Two numbers.
@@ -294,8 +367,7 @@ fn window_at([x, y]: [f64; 2], [rows, columns]: [usize; 2], sensor: &SensorModel
 
 /// The camera of few fields, rays and patches.
 fn quick_camera(psf: &PsfConfig, lens: &Lens, sensor: &SensorModel, exposure: Exposure) -> Result<Kept> {
-    let grid = (psf.grid as f64 / QUICK_PITCH) as usize;
-    let psf = PsfConfig { pitch_um: QUICK_PITCH * psf.pitch_um, grid, ..psf.clone() };
+    let psf = quick_psf(psf);
     let plan = psf.plan(sensor, QUICK_CELLS)?.with_fields(QUICK_FIELDS);
     let plan = PsfPlan { perfect_image: PerfectImage::AiryDisk, ..plan };
     let geometry = RenderGeometry { patches: QUICK_PATCHES, ..psf.geometry(sensor) };
@@ -467,6 +539,33 @@ fn by_isp(
     let pixels = encoded.len() / CHANNELS;
     let byte = |i: usize| (255.0 * encoded[i]).round() as u8;
     Ok((0..pixels).flat_map(|i| [byte(i), byte(pixels + i), byte(2 * pixels + i)]).collect())
+}
+
+/// The edges in the regions that the request names: in linear light, or behind an ISP in its picture, whose sRGB curve is undone.
+fn edges(
+    request: &Request,
+    linear: &LinearImage,
+    rgb: &[u8],
+    pixel_um: f64,
+    context: &Context,
+) -> Result<Vec<Edge>> {
+    if request.edges.is_empty() {
+        return Ok(Vec::new());
+    }
+    let mut decoded = LinearImage::zeros(CHANNELS, linear.height, linear.width);
+    let light = if request.isp.is_some() {
+        for (i, pixel) in rgb.chunks_exact(CHANNELS).enumerate() {
+            for (channel, value) in pixel.iter().enumerate() {
+                decoded.plane_mut(channel)[i] = srgb_decode(f32::from(*value) / 255.0);
+            }
+        }
+        &decoded
+    } else {
+        linear
+    };
+    let request =
+        mtf::Request { regions: request.edges.clone(), pixel_um: Some(pixel_um), ..mtf::Request::default() };
+    Ok(mtf::edges(&request, "the window", mtf::Pixels::Picture(light), context)?.edges)
 }
 
 /// A raw frame between its black level and saturation, 8 bits a pixel.

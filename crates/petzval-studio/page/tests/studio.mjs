@@ -8,6 +8,7 @@ import { existsSync, mkdirSync, mkdtempSync, readFileSync, writeFileSync } from 
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { PETZVAL, forget, servePage, slowness, startBrowser, startStudio } from "./browser.mjs";
+import { numbersAndEdges } from "./numbers-and-edges.mjs";
 import { saidAndKept } from "./said-and-kept.mjs";
 
 const pictures = process.argv[2] ?? mkdtempSync(join(tmpdir(), "petzval-studio-pictures-"));
@@ -772,6 +773,7 @@ const unnamed = (page) =>
   });
 
 saidAndKept(test, { open, tab, exact, toml, steps });
+numbersAndEdges(test, { open, tab, exact, toml, picture, PHONE });
 
 const only = process.env.ONLY;
 let failed = 0;

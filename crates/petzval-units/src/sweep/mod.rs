@@ -28,4 +28,4 @@ pub use name::{names, short_keys};
 pub use plan::{DESIGN, Plan, PlannedUnit, plan};
 pub use script::{Engine, Submission, USUAL_JOBS, USUAL_TIME};
 pub use status::{SweepStatus, UnitStatus, status};
-pub use view::{Choice, number, telling_figures, view};
+pub use view::{Choice, figures_that_vary, number, view};

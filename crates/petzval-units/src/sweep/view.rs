@@ -81,23 +81,23 @@ pub fn view(gathered: &Gathered, choice: &Choice, again: &str) -> Result<SweepVi
 /// Places of the figures that the table shows: those that are named, else those that vary.
 fn shown_figures(gathered: &Gathered, named: &[String]) -> Result<Vec<usize>> {
     if named.is_empty() {
-        Ok(telling_figures(gathered))
+        Ok(figures_that_vary(gathered))
     } else {
         named.iter().map(|name| figure(gathered, name, "figure")).collect()
     }
 }
 
 /// Places of the figures that say how units differ; all figures where none does.
-pub fn telling_figures(gathered: &Gathered) -> Vec<usize> {
+pub fn figures_that_vary(gathered: &Gathered) -> Vec<usize> {
     let has_decimals = |k: &usize| gathered.figures[*k].decimals.is_some();
     let described: Vec<usize> = (0..gathered.figures.len()).filter(has_decimals).collect();
     let all = if described.is_empty() { (0..gathered.figures.len()).collect() } else { described };
     let varying: Vec<usize> = all.iter().copied().filter(|k| varies(gathered, *k)).collect();
-    let mut telling = if varying.is_empty() { all } else { varying };
-    if !telling.iter().any(has_decimals) {
-        telling.truncate(SHOWN_FIGURES);
+    let mut chosen = if varying.is_empty() { all } else { varying };
+    if !chosen.iter().any(has_decimals) {
+        chosen.truncate(SHOWN_FIGURES);
     }
-    telling
+    chosen
 }
 
 /// Whether a figure differs between units and does not repeat a key, as the seed of a response does.
@@ -303,7 +303,7 @@ fn scatter(gathered: &Gathered, choice: &Choice, shown: &[usize]) -> Result<Opti
         Some(name) => Some(Quantity::of(gathered, name, UPWARD)?),
         None => leading_figure(gathered, shown).or(shown.first().copied()).map(Quantity::Figure),
     };
-    let x = match (&choice.x, telling_key(gathered)) {
+    let x = match (&choice.x, leading_key(gathered)) {
         (Some(name), _) => Some(Quantity::of(gathered, name, "x")?),
         (None, Some(key)) => Some(Quantity::of_key(gathered, key)),
         (None, None) => shown.get(1).map(|k| Quantity::Figure(*k)),
@@ -323,7 +323,7 @@ fn scatter(gathered: &Gathered, choice: &Choice, shown: &[usize]) -> Result<Opti
 }
 
 /// The key with the most values, the first of several; a seed only where nothing else varies. None where none has two.
-fn telling_key(gathered: &Gathered) -> Option<usize> {
+fn leading_key(gathered: &Gathered) -> Option<usize> {
     let count = |key: &usize| {
         let values: BTreeSet<String> =
             gathered.units.iter().map(|unit| in_words(&unit.values[*key])).collect();

@@ -2,7 +2,7 @@
 
 use petzval_files::LensFile;
 use petzval_files::lens_toml::parameter_name;
-use petzval_optics::design_space::{EflSolve, MagnificationSolve, Variable};
+use petzval_optics::design_space::{EflSolve, MagnificationSolve, Pickup, Variable};
 use petzval_optics::glass::{Catalog, Glass};
 use petzval_optics::lens::{Action, Lens, ObjectDistance, Surface, SurfaceShape};
 use petzval_optics::number::{ASPHERE_TERMS, Number};
@@ -173,6 +173,43 @@ pub enum Edit {
         /// The number as lens files name it.
         parameter: String,
     },
+    /// Lets a number follow the same number of another surface, now and after each further edit: `scale * other + offset`. The other one varies in
+    /// optimisations from now on, if it does not yet.
+    Pickup {
+        /// Surface that follows.
+        surface: usize,
+        /// The number as lens files name it; radii follow as curvatures.
+        parameter: String,
+        /// Surface that it follows.
+        of: usize,
+        /// Factor; 1 if it is left out.
+        #[serde(default)]
+        scale: Option<f64>,
+        /// Offset in the unit of the number, of radii in 1/mm; 0 if it is left out.
+        #[serde(default)]
+        offset: Option<f64>,
+    },
+    /// Weights the fields in optimisations.
+    FieldWeights {
+        /// One weight per field of the lens, in ascending order of the fields; empty for all the same.
+        weights: Vec<f64>,
+    },
+    /// Lets a radius hold the magnification of a near object, now and after each further edit.
+    SolveMagnification {
+        /// Surface; null ends the solve.
+        surface: Option<usize>,
+        /// Magnification, negative for an inverted image; the own one if left out.
+        #[serde(default)]
+        magnification: Option<f64>,
+    },
+    /// Lets a thickness hold the distance from the first vertex to the last, now and after each further edit.
+    SolveLength {
+        /// Surface; null ends the solve.
+        surface: Option<usize>,
+        /// Distance, mm; the own one if left out.
+        #[serde(default)]
+        length_mm: Option<f64>,
+    },
     /// Lets a radius hold the focal length, now and after each further edit.
     SolveEfl {
         /// Surface; null ends the solve.
@@ -258,7 +295,7 @@ impl Editor<'_> {
             Edit::Insert { before } => insert(*before, file)?,
             Edit::Delete { surface } => delete(index(*surface)?, file)?,
             Edit::Aperture { entrance_pupil_mm } => file.lens.entrance_pupil_mm = *entrance_pupil_mm,
-            Edit::Fields { fields_deg } => file.lens.fields_deg = ascending("fields_deg", fields_deg)?,
+            Edit::Fields { fields_deg } => set_fields(ascending("fields_deg", fields_deg)?, file),
             Edit::Wavelengths { wavelengths_um, reference_um } => {
                 file.lens.wavelengths_um = ascending("wavelengths_um", wavelengths_um)?;
                 file.lens.reference_um = *reference_um;
@@ -285,8 +322,41 @@ impl Editor<'_> {
                 let number = named(parameter, &file.lens.surfaces[i], *surface)?;
                 hold(i, number, file);
             }
-            Edit::SolveEfl { surface: None, .. } => {
+            Edit::Pickup { surface, parameter, of, scale, offset } => {
+                let places = [index(*surface)?, index(*of)?];
+                follow(places, parameter, [scale.unwrap_or(1.0), offset.unwrap_or(0.0)], file)?;
+            }
+            Edit::FieldWeights { weights } => set_weights(weights, file)?,
+            Edit::SolveEfl { surface: None, .. } | Edit::SolveMagnification { surface: None, .. } => {
                 (file.efl_solve, file.magnification_solve) = (None, None);
+            }
+            Edit::SolveLength { surface: None, .. } => file.length_solve = None,
+            Edit::SolveLength { surface: Some(surface), length_mm } => {
+                let i = index(*surface)?;
+                let own_mm = file.lens.total_track_mm() - file.lens.image_distance_mm();
+                hold(i, Number::Thickness, file);
+                file.length_solve = Some((i, length_mm.unwrap_or(own_mm)));
+            }
+            Edit::SolveMagnification { surface: Some(surface), magnification: wanted } => {
+                let i = shaped(index(*surface)?, &file.lens)?;
+                let own = magnification(&file.lens).ok_or_else(|| {
+                    let hint = "hold the focal length, or give the lens an object at a finite distance";
+                    JobError::input("the lens has no near object, and so no magnification", hint)
+                })?;
+                let magnification = wanted.unwrap_or(own);
+                if !magnification.is_finite() || magnification == 0.0 {
+                    let hint = format!("the lens has {own}");
+                    return Err(JobError::setting(
+                        "magnification",
+                        magnification,
+                        "no lens has this magnification",
+                        hint,
+                    ));
+                }
+                let radius_mm = bounds_of_solved(i, file);
+                hold(i, Number::Curvature, file);
+                file.magnification_solve = Some(MagnificationSolve { surface: i, magnification, radius_mm });
+                file.efl_solve = None;
             }
             Edit::SolveEfl { surface: Some(surface), efl_mm } => {
                 let i = shaped(index(*surface)?, &file.lens)?;
@@ -296,8 +366,9 @@ impl Editor<'_> {
                     let hint = "give the focal length that the lens is to have, in mm";
                     return Err(JobError::setting("efl_mm", efl_mm, "no lens has this focal length", hint));
                 }
+                let radius_mm = bounds_of_solved(i, file);
                 hold(i, Number::Curvature, file);
-                file.efl_solve = Some(EflSolve { surface: i, efl_mm, radius_mm: None });
+                file.efl_solve = Some(EflSolve { surface: i, efl_mm, radius_mm });
                 file.magnification_solve = None;
             }
         }
@@ -402,6 +473,104 @@ fn named(parameter: &str, surface: &Surface, number: usize) -> Result<Number> {
         let message = format!("surface {number} has no such number");
         JobError::setting("parameter", parameter, message, format!("it has {}", known.join(", ")))
     })
+}
+
+/// The bounds of a radius that is solved for already, mm.
+fn bounds_of_solved(surface: usize, file: &LensFile) -> Option<[f64; 2]> {
+    file.solves().curvature().filter(|(solved, _)| *solved == surface).and_then(|(_, radius_mm)| radius_mm)
+}
+
+/// Lets a number of a surface follow that of another.
+fn follow(
+    [surface, of]: [usize; 2],
+    parameter: &str,
+    [scale, offset]: [f64; 2],
+    file: &mut LensFile,
+) -> Result<(), JobError> {
+    let number = named(parameter, &file.lens.surfaces[surface], surface + 1)?;
+    // Indices of different shapes do not correspond: the name counts.
+    let followed = named(parameter, &file.lens.surfaces[of], of + 1)?;
+    if surface == of || number != followed {
+        let message = format!("{parameter} of surface {} cannot follow surface {}", surface + 1, of + 1);
+        return Err(JobError::setting("of", of + 1, message, "name another surface with this number"));
+    }
+    let [scale, offset] = finite([("scale", scale), ("offset", offset)])?;
+    if number == Number::Thickness && surface + 1 == file.lens.surfaces.len() {
+        let message = "the last thickness cannot follow another";
+        return Err(JobError::input(message, "the image plane is placed at the image"));
+    }
+    if is_settled(of, number, file) {
+        let message = format!("{parameter} of surface {} follows another or is solved for", of + 1);
+        return Err(JobError::setting("of", of + 1, message, "name a surface whose number is free"));
+    }
+    hold(surface, number, file);
+    let is_followed = |v: &Variable| (v.surface, v.number) == (of, number);
+    let variable = match file.variables.iter().position(is_followed) {
+        Some(variable) => variable,
+        None => {
+            file.variables.push(variable(of, number, [None, None], &file.lens)?);
+            file.variables.len() - 1
+        }
+    };
+    file.pickups.push(Pickup { surface, variable, scale, offset });
+    Ok(())
+}
+
+/// Whether a number follows another or is solved for.
+fn is_settled(surface: usize, number: Number, file: &LensFile) -> bool {
+    let follows = |p: &Pickup| p.surface == surface && file.variables[p.variable].number == number;
+    file.pickups.iter().any(follows)
+        || number == Number::Curvature
+            && file.solves().curvature().is_some_and(|(solved, _)| solved == surface)
+        || number == Number::Thickness && file.length_solve.is_some_and(|(solved, _)| solved == surface)
+}
+
+/// Numbers of a request that must be finite.
+fn finite<const N: usize>(all: [(&'static str, f64); N]) -> Result<[f64; N], JobError> {
+    for (key, value) in all {
+        if !value.is_finite() {
+            return Err(JobError::setting(key, value, "this must be a finite number", "give a number"));
+        }
+    }
+    Ok(all.map(|(_, value)| value))
+}
+
+/// Sets the fields. Those that the lens had keep their weights, others have 1.
+fn set_fields(fields_deg: Vec<f64>, file: &mut LensFile) {
+    if !file.field_weights.is_empty() {
+        let before = || file.lens.fields_deg.iter().zip(&file.field_weights);
+        let of = |field: &f64| before().find(|(known, _)| *known == field).map_or(1.0, |(_, weight)| *weight);
+        let weights: Vec<f64> = fields_deg.iter().map(of).collect();
+        file.field_weights = uneven(weights).filter(|all| all.iter().any(|w| *w > 0.0)).unwrap_or_default();
+    }
+    file.lens.fields_deg = fields_deg;
+}
+
+/// Weights that differ; `None` if all are the same.
+fn uneven(weights: Vec<f64>) -> Option<Vec<f64>> {
+    weights.windows(2).any(|pair| pair[0] != pair[1]).then_some(weights)
+}
+
+/// Sets the weights of the fields.
+fn set_weights(weights: &[f64], file: &mut LensFile) -> Result<(), JobError> {
+    let count = file.lens.fields_deg.len();
+    let wrong = |message: String, hint: &str| Err(JobError::setting("weights", list(weights), message, hint));
+    if !weights.is_empty() && weights.len() != count {
+        return wrong(format!("the lens has {count} fields"), "give one weight per field");
+    }
+    if let Some(weight) = weights.iter().find(|w| !(w.is_finite() && **w >= 0.0)) {
+        return wrong(format!("{weight} is no weight"), "a weight is a number of 0 or more");
+    }
+    if !weights.is_empty() && weights.iter().all(|w| *w == 0.0) {
+        return wrong("no field would count".to_owned(), "give one field a weight above 0");
+    }
+    file.field_weights = uneven(weights.to_vec()).unwrap_or_default();
+    Ok(())
+}
+
+/// Numbers in words.
+fn list(values: &[f64]) -> String {
+    values.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")
 }
 
 /// Ends the variable of a number, with what follows it, and whatever settles the number.

@@ -62,7 +62,7 @@ petzval_base::parameters! {
         slope: Option<f64> = None, "degrees", 0..89.999, Linear, "degrees, below 90";
         /// Greatest angle of the outermost chief ray to the axis at the image, degrees.
         chief_ray_angle: Option<f64> = None, "degrees", 0..89.999, Linear, "degrees, below 90";
-        /// Field angles, degrees; those of the lens if empty.
+        /// Field angles, degrees, all of the same weight; those of the lens with their weights if empty.
         fields: Vec<f64> = Vec::new(), "degrees", -180.0..180.0, Linear, "degrees from the axis";
         /// Least and greatest back focal length, mm; empty for none.
         bfl: Vec<f64> = Vec::new(), "mm", -1e6..1e6, Linear, "for example 24,25";
@@ -92,6 +92,10 @@ impl Goal {
         problem.variables = self.variables(file)?;
         if !self.wavelengths.is_empty() {
             problem.merit.wavelengths_um.clone_from(&self.wavelengths);
+        }
+        // Weights that the file gives its fields hold for these alone.
+        if self.fields.is_empty() && !file.field_weights.is_empty() {
+            problem.merit.field_weights.clone_from(&file.field_weights);
         }
         if !self.fields.is_empty() {
             let limit_deg = file.lens.object.field_limit_deg();

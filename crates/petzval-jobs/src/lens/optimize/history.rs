@@ -328,8 +328,17 @@ impl History {
         };
         variables.retain(is_named);
         let pickups = if variables.is_empty() { Vec::new() } else { pickups };
-        let length_solve = problem.solves.length;
-        LensFile { lens, expect: None, variables, pickups, efl_solve, magnification_solve, length_solve }
+        let (length_solve, field_weights) = (problem.solves.length, self.file.field_weights.clone());
+        LensFile {
+            lens,
+            expect: None,
+            field_weights,
+            variables,
+            pickups,
+            efl_solve,
+            magnification_solve,
+            length_solve,
+        }
     }
 
     fn write_steps(&self) -> Result<()> {

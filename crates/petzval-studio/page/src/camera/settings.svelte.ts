@@ -1,5 +1,7 @@
 // What the camera room is set to. It stays while one is in another room.
 
+import type { EdgeRegion } from "../lib/types";
+
 export type Shown = "after" | "before" | "split" | "raw";
 
 class Settings {
@@ -15,6 +17,10 @@ class Settings {
   /** The ISP, empty for linear development, and what was set beside its own values. */
   isp = $state("");
   set = $state.raw<Record<string, number>>({});
+  /** The region of the picture whose edge is measured. */
+  edge = $state.raw<EdgeRegion | undefined>();
+  /** Where the scene lies in place of the object distance of the lens, mm, and the history of the lens of which that was said; null is infinity. */
+  object = $state.raw<{ distance_mm: number | null; history: number } | undefined>();
   shown = $state<Shown>("after");
   split = $state(50);
 

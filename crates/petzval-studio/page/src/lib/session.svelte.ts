@@ -248,6 +248,11 @@ class Session {
     return this.#inTurn(() => this.#apply(edits, what));
   }
 
+  /** Waits for the edits that are on their way. */
+  async settled(): Promise<void> {
+    await this.#commits;
+  }
+
   /** Does something after the edits that are on their way. */
   #inTurn(what: () => boolean | Promise<boolean>): Promise<boolean> {
     const done = this.#commits.then(what);

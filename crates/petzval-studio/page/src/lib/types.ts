@@ -25,6 +25,10 @@ export type Edit =
   | { edit: "scale-to"; efl_mm: number }
   | { edit: "vary"; surface: number; parameter: string; min?: number; max?: number }
   | { edit: "hold"; surface: number; parameter: string }
+  | { edit: "pickup"; surface: number; parameter: string; of: number; scale: number; offset: number }
+  | { edit: "field-weights"; weights: number[] }
+  | { edit: "solve-magnification"; surface: number | null; magnification?: number }
+  | { edit: "solve-length"; surface: number | null; length_mm?: number }
   | { edit: "solve-efl"; surface: number | null; efl_mm?: number };
 
 export interface Row {
@@ -44,9 +48,22 @@ export interface Row {
   vertex: Point | null;
   edge_sag_mm: number | null;
   special: string[];
-  varies: { parameter: string; min: number; max: number }[];
-  settled: string[];
+  varies: Variable[];
+  settled: { parameter: string; by: SettledBy }[];
 }
+
+export interface Variable {
+  parameter: string;
+  min: number;
+  max: number;
+}
+
+/** What settles a number. */
+export type SettledBy =
+  | { pickup: { of: number; scale: number; offset: number } }
+  | { efl: { efl_mm: number } }
+  | { magnification: { magnification: number } }
+  | { length: { length_mm: number } };
 
 export interface FirstOrder {
   efl_mm: number | null;
@@ -150,6 +167,8 @@ export interface View {
   reference_um: number;
   fields_deg: number[];
   stated_fields_deg: number[];
+  /** One per stated field; none if all are the same. */
+  field_weights: number[];
   solved_efl_mm: number | null;
   first_order: FirstOrder;
   is_quick: boolean;
@@ -184,6 +203,28 @@ export interface CameraView {
   pupil_cells: number;
   patches: Point;
   enlarged: number;
+  edges: MeasuredEdge[];
+}
+
+/** Pixels of a picture. */
+export interface EdgeRegion {
+  row: number;
+  col: number;
+  height: number;
+  width: number;
+}
+
+export interface MeasuredEdge {
+  region: EdgeRegion;
+  channels: {
+    channel: string;
+    angle_deg: number;
+    mtf50_per_px: number | null;
+    overshoot: number;
+    standard_errors: { mtf50_per_px: number | null };
+    frequency_per_px: number[];
+    modulation: number[];
+  }[];
 }
 
 export interface ErrorReport {

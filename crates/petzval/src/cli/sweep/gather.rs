@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::base::{Cancel, pasted};
 use crate::units::store::Seen;
 use crate::units::sweep::{
-    Choice, Gathered, KeptSweep, gather, keep_results, number, status, telling_figures, units_file, view,
+    Choice, Gathered, KeptSweep, figures_that_vary, gather, keep_results, number, status, units_file, view,
 };
 
 use super::super::code::Code;
@@ -76,7 +76,7 @@ const SHOWN: usize = 4;
 
 /// The table with its first figures that vary.
 fn in_words(gathered: &Gathered) -> String {
-    let figures: Vec<usize> = telling_figures(gathered).into_iter().take(SHOWN).collect();
+    let figures: Vec<usize> = figures_that_vary(gathered).into_iter().take(SHOWN).collect();
     let text = |value: &serde_json::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
     let heads = gathered.keys.iter().map(String::as_str).chain(["camera", "units"]);
     let named = figures.iter().map(|k| gathered.figures[*k].name.as_str());
