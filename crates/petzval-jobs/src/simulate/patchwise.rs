@@ -19,7 +19,7 @@ use rayon::prelude::*;
 
 use super::rig::{coarse_patches, coarse_pupil};
 use crate::context::Context;
-use crate::error::JobError;
+use crate::error::Result;
 use crate::event::WarningKind;
 
 /// Patch rows that are tried, from few to many.
@@ -59,13 +59,13 @@ pub(super) struct Behind<'a> {
 
 impl Behind<'_> {
     /// With these patches, and the cells of the plan: for a lens that is being dragged.
-    pub fn quick(self, patches: (usize, usize), context: &Context) -> Result<Patchwise, JobError> {
+    pub fn quick(self, patches: (usize, usize), context: &Context) -> Result<Patchwise> {
         let geometry = RenderGeometry { patches, ..self.psf.geometry(self.sensor) };
         self.with(geometry, context)
     }
 
     /// With as many patches and cells as a score needs.
-    pub fn exact(mut self, context: &Context) -> Result<Patchwise, JobError> {
+    pub fn exact(mut self, context: &Context) -> Result<Patchwise> {
         let whole = self.psf.geometry(self.sensor);
         let Window { placement, height, width } = self.window;
         let middle = [placement.row as f64 + 0.5 * height as f64, placement.col as f64 + 0.5 * width as f64];
@@ -74,7 +74,7 @@ impl Behind<'_> {
             Place::new(self.lens, place_mm(&whole, middle))?.converged(&self.plan, tolerance, MOST_CELLS)?;
         self.plan = plan;
         let aspect = whole.sensor_width as f64 / whole.sensor_height as f64;
-        let with_rows = |rows: usize| -> Result<(Patchwise, BlendError), JobError> {
+        let with_rows = |rows: usize| -> Result<(Patchwise, BlendError)> {
             let columns = ((rows as f64 * aspect).round() as usize).max(1);
             let patches = (rows.min(whole.sensor_height), columns.min(whole.sensor_width));
             let made = self.with(RenderGeometry { patches, ..whole.clone() }, context)?;
@@ -96,9 +96,9 @@ impl Behind<'_> {
     }
 
     /// The PSFs of the patches of a geometry that have a weight in the window.
-    fn with(&self, geometry: RenderGeometry, context: &Context) -> Result<Patchwise, JobError> {
+    fn with(&self, geometry: RenderGeometry, context: &Context) -> Result<Patchwise> {
         let patches = patches_of(&geometry, &self.window);
-        let of_patch = |patch: &usize| -> Result<FieldPsf, JobError> {
+        let of_patch = |patch: &usize| -> Result<FieldPsf> {
             context.check(|| "stopped before the PSFs were traced")?;
             let (x_um, y_um) = geometry.patch_centre_um(*patch);
             Ok(Place::new(self.lens, [1e-3 * x_um, 1e-3 * y_um])?.psf(&self.plan)?)
@@ -123,7 +123,7 @@ impl Behind<'_> {
     }
 
     /// The error of the blend between patches. It is largest in the middle of four of them, where each has a quarter of the weight.
-    fn blend_error(&self, made: &Patchwise) -> Result<BlendError, JobError> {
+    fn blend_error(&self, made: &Patchwise) -> Result<BlendError> {
         let Patchwise { geometry, kernels, window, .. } = made;
         let (rows, columns) = geometry.patches;
         let mut corners: Vec<usize> = CHECKED
@@ -139,7 +139,7 @@ impl Behind<'_> {
             })
             .collect();
         corners.dedup();
-        let of_four = |corner: &usize| -> Result<f64, JobError> {
+        let of_four = |corner: &usize| -> Result<f64> {
             let four = [*corner, corner + 1, corner + columns, corner + columns + 1];
             let centres = four.map(|patch| geometry.patch_centre_um(patch));
             let middle_mm = [0, 1].map(|axis| {

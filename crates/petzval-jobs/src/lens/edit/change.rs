@@ -486,7 +486,7 @@ fn follow(
     parameter: &str,
     [scale, offset]: [f64; 2],
     file: &mut LensFile,
-) -> Result<(), JobError> {
+) -> Result<()> {
     let number = named(parameter, &file.lens.surfaces[surface], surface + 1)?;
     // Indices of different shapes do not correspond: the name counts.
     let followed = named(parameter, &file.lens.surfaces[of], of + 1)?;
@@ -526,7 +526,7 @@ fn is_settled(surface: usize, number: Number, file: &LensFile) -> bool {
 }
 
 /// Numbers of a request that must be finite.
-fn finite<const N: usize>(all: [(&'static str, f64); N]) -> Result<[f64; N], JobError> {
+fn finite<const N: usize>(all: [(&'static str, f64); N]) -> Result<[f64; N]> {
     for (key, value) in all {
         if !value.is_finite() {
             return Err(JobError::setting(key, value, "this must be a finite number", "give a number"));
@@ -552,7 +552,7 @@ fn uneven(weights: Vec<f64>) -> Option<Vec<f64>> {
 }
 
 /// Sets the weights of the fields.
-fn set_weights(weights: &[f64], file: &mut LensFile) -> Result<(), JobError> {
+fn set_weights(weights: &[f64], file: &mut LensFile) -> Result<()> {
     let count = file.lens.fields_deg.len();
     let wrong = |message: String, hint: &str| Err(JobError::setting("weights", list(weights), message, hint));
     if !weights.is_empty() && weights.len() != count {
