@@ -178,8 +178,8 @@ fn rows<const N: usize>(entry: &Node) -> Result<Vec<[f64; N]>, FileError> {
 /// What is wrong with the coefficients of a formula without a term.
 const ALL_ZERO: &str = "all of them are 0";
 
-/// Terms of which there is at least one; else the error.
-fn some<T>(terms: Vec<T>, error: &str) -> Result<Vec<T>, String> {
+/// The terms, or this error if there are none.
+fn non_empty<T>(terms: Vec<T>, error: &str) -> Result<Vec<T>, String> {
     if terms.is_empty() { Err(error.to_owned()) } else { Ok(terms) }
 }
 
@@ -208,7 +208,7 @@ fn dispersion(number: &str, c: &[f64]) -> Result<Dispersion, String> {
         "1" => Dispersion::Square { powers: one_and_offset(), resonances: resonances(2.0) },
         "2" if c[0] == 0.0 => {
             let terms: Vec<(f64, f64)> = pairs().filter(|p| p[0] != 0.0).map(|p| (p[0], p[1])).collect();
-            let (b, c_um2) = some(terms, "there is no term")?.into_iter().unzip();
+            let (b, c_um2) = non_empty(terms, "there is no term")?.into_iter().unzip();
             Dispersion::Sellmeier { b, c_um2 }
         }
         "2" => Dispersion::Square { powers: one_and_offset(), resonances: resonances(1.0) },
@@ -216,7 +216,7 @@ fn dispersion(number: &str, c: &[f64]) -> Result<Dispersion, String> {
             &[a0, a1, 2.0, a2, -2.0, a3, -4.0, a4, -6.0, a5, -8.0] => {
                 Dispersion::Schott([a0, a1, a2, a3, a4, a5])
             }
-            _ => Dispersion::Square { powers: some(series(), ALL_ZERO)?, resonances: Vec::new() },
+            _ => Dispersion::Square { powers: non_empty(series(), ALL_ZERO)?, resonances: Vec::new() },
         },
         "4" => {
             const RESONANT: usize = 9;
@@ -241,7 +241,7 @@ fn dispersion(number: &str, c: &[f64]) -> Result<Dispersion, String> {
             }
             Dispersion::Square { powers, resonances }
         }
-        "5" => Dispersion::Powers(some(series(), ALL_ZERO)?),
+        "5" => Dispersion::Powers(non_empty(series(), ALL_ZERO)?),
         "6" => Dispersion::Gas { a: c[0], terms: pairs().map(|p| [p[0], p[1]]).collect() },
         "7" => Dispersion::Herzberger(filled(at_most(6)?)),
         "8" => Dispersion::LorentzLorenz(filled(at_most(4)?)),

@@ -1,7 +1,7 @@
 //! Times the convolutions, ours beside the framework's, and the networks: forward and backward, batch 4.
 //!
 //! `cargo bench -p petzval-learn --bench networks -- FILTER`. Run it on an idle machine, with
-//! `MIMALLOC_PURGE_DELAY=-1` in the environment: memory that is returned to the system between steps costs a third of the time.
+//! `MIMALLOC_PURGE_DELAY=-1` in the environment, as `petzval` does: memory that is returned to the system between steps costs time.
 
 use std::time::Duration;
 

@@ -16,6 +16,7 @@ fn main() -> ExitCode {
 #[cfg(unix)]
 mod kept_memory {
     use std::os::unix::process::CommandExt;
+    use std::path::Path;
     use std::process::Command;
 
     /// How long the allocator waits before it returns free memory to the kernel, ms. It waits a second where this is not set.
@@ -32,11 +33,16 @@ mod kept_memory {
         let mut words = std::env::args_os();
         let name = words.next().unwrap_or_default();
         let words: Vec<_> = words.collect();
-        let trains = words.iter().any(|word| TRAINING.iter().any(|verb| word == verb));
+        // Options stand before the verb or behind it; their values may look like verbs, and then it begins once more for nothing.
+        let trains = words.iter().take(3).any(|word| TRAINING.iter().any(|verb| word == verb));
         if !trains || std::env::var_os(DELAY).is_some() {
             return;
         }
         let Ok(program) = std::env::current_exe() else { return };
+        // A loader that was given the program would be started in its place.
+        if program.file_name() != Path::new(&name).file_name() {
+            return;
+        }
         // Where that fails, it is slower and nothing else.
         let _slower = Command::new(program).arg0(name).args(words).env(DELAY, "-1").exec();
     }

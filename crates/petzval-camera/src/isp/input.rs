@@ -221,8 +221,8 @@ impl RawInput {
             |what: &'static str, got: String, need: &'static str| Err(IspError::Input { what, got, need });
         let Self { height, width, about, .. } = self;
         if height % 2 != 0 || width % 2 != 0 || *height < 16 || *width < 16 {
-            let hint = "even sides of at least 16 pixels";
-            return bad("size of the frame", format!("{height} x {width}"), hint);
+            let need = "even sides of at least 16 pixels";
+            return bad("size of the frame", format!("{height} x {width}"), need);
         }
         if self.dn.len() != height * width {
             return bad("number of pixels", self.dn.len().to_string(), "height x width");
@@ -244,16 +244,16 @@ impl RawInput {
             about.noise.read,
         ];
         if !levels.iter().all(|v| v.is_finite() && *v >= 0.0) || levels[1] < 1.0 || levels[2] <= 0.0 {
-            let hint = "black below white, saturation above 0, noise not negative";
-            return bad("calibration", format!("{levels:?}"), hint);
+            let need = "black below white, saturation above 0, noise not negative";
+            return bad("calibration", format!("{levels:?}"), need);
         }
         if !about.response.iter().all(|v| (0.01..=100.0).contains(v)) || !about.gain_ev.is_finite() {
-            let hint = "0.01 to 100, relative to green";
-            return bad("response to white", format!("{:?}", about.response), hint);
+            let need = "0.01 to 100, relative to green";
+            return bad("response to white", format!("{:?}", about.response), need);
         }
         if about.companding.as_ref().is_some_and(|c| !c.is_whole()) {
-            let hint = "two ascending lists of equal length from 0, below 2^24";
-            return bad("companding", "its knots".to_owned(), hint);
+            let need = "two ascending lists of equal length from 0, below 2^24";
+            return bad("companding", "its knots".to_owned(), need);
         }
         if about.shading.as_ref().is_some_and(|m| !m.is_whole(3)) {
             return bad("shading mesh", "its planes".to_owned(), "three planes of rows x cols finite values");

@@ -12,7 +12,7 @@ pub const LUMENS_PER_WATT: f64 = 683.0;
 /// efficiency V.
 pub fn cie1931() -> &'static [Spectrum; 3] {
     static OBSERVER: LazyLock<[Spectrum; 3]> =
-        LazyLock::new(|| SpectrumTable::built_in(petzval_data::spectra::CIE_1931).into_curves());
+        LazyLock::new(|| SpectrumTable::built_in_curves(petzval_data::spectra::CIE_1931));
     &OBSERVER
 }
 

@@ -75,10 +75,13 @@ impl SpectrumTable {
         self.curves.iter().find(|(n, _)| n.eq_ignore_ascii_case(name)).map(|(_, curve)| curve)
     }
 
-    /// All curves of a table of `N` curves; `None` if it has another number.
-    pub(super) fn into_curves<const N: usize>(self) -> [Spectrum; N] {
-        let curves: Vec<Spectrum> = self.curves.into_iter().map(|(_, curve)| curve).collect();
-        curves.try_into().unwrap_or_else(|_| unreachable!("a built-in table of {N} spectra"))
+    /// The `N` curves of a table that is built into the program.
+    pub(super) fn built_in_curves<const N: usize>(text: &str) -> [Spectrum; N] {
+        let curves: Vec<Spectrum> = Self::built_in(text).curves.into_iter().map(|(_, curve)| curve).collect();
+        let count = curves.len();
+        curves
+            .try_into()
+            .unwrap_or_else(|_| unreachable!("a built-in table has {count} spectra in place of {N}"))
     }
 }
 

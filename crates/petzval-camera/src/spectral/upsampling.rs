@@ -20,7 +20,7 @@ use crate::spectrum::bands::{band_mean, ends};
 /// The three reflectances, 380..780 nm every 5 nm.
 pub fn srgb_basis() -> &'static [Spectrum; 3] {
     static BASIS: LazyLock<[Spectrum; 3]> =
-        LazyLock::new(|| SpectrumTable::built_in(petzval_data::spectra::SRGB_BASIS).into_curves());
+        LazyLock::new(|| SpectrumTable::built_in_curves(petzval_data::spectra::SRGB_BASIS));
     &BASIS
 }
 

@@ -80,12 +80,12 @@ pub trait DeviceForm {
     fn forward(&self, inputs: &[DispatchTensor], tracked: &[bool]) -> DispatchTensor;
 
     /// See [`Kernel::backward`]; none for inputs that are not wanted.
-    fn backward(&self, inputs: &[DispatchTensor], at: Cotangent<'_>) -> Vec<Option<DispatchTensor>>;
+    fn backward(&self, inputs: &[DispatchTensor], at: BackwardPass<'_>) -> Vec<Option<DispatchTensor>>;
 }
 
 /// What the backward pass of a [`DeviceForm`] starts from; see [`Kernel::backward`].
 #[derive(Clone, Copy)]
-pub struct Cotangent<'a> {
+pub struct BackwardPass<'a> {
     /// The value of the function; none unless the kernel [reads it](Kernel::reads_output).
     pub output: Option<&'a DispatchTensor>,
     /// The cotangent of that value.
@@ -290,7 +290,7 @@ fn backward<B: Memory>(
 ) -> Vec<Option<FloatTensor<B>>> {
     if let Some((form, inputs)) = served::<B>(kernel, inputs) {
         let (output, gradient) = (output.map(B::erased), B::erased(gradient));
-        let at = Cotangent { output: output.as_ref(), gradient: &gradient, wanted };
+        let at = BackwardPass { output: output.as_ref(), gradient: &gradient, wanted };
         let found = form.backward(&inputs, at);
         return found.into_iter().map(|gradient| gradient.map(B::concrete)).collect();
     }

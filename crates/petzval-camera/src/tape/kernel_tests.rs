@@ -7,7 +7,7 @@ use burn::prelude::*;
 use burn::tensor::{DType, TensorData};
 
 use super::tests::{tensor, values};
-use super::{Cotangent, DeviceForm, Kernel, View, apply, computes_in_place, is_on_host};
+use super::{BackwardPass, DeviceForm, Kernel, View, apply, computes_in_place, is_on_host};
 
 /// What a kernel was called with.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -84,8 +84,8 @@ impl DeviceForm for Product {
         (a * b).into_dispatch()
     }
 
-    fn backward(&self, inputs: &[DispatchTensor], at: Cotangent<'_>) -> Vec<Option<DispatchTensor>> {
-        let Cotangent { output, gradient, wanted } = at;
+    fn backward(&self, inputs: &[DispatchTensor], at: BackwardPass<'_>) -> Vec<Option<DispatchTensor>> {
+        let BackwardPass { output, gradient, wanted } = at;
         let mut seen = self.seen.lock().unwrap();
         seen.wanted = wanted.to_vec();
         seen.output = output.map_or(Vec::new(), |y| values(Tensor::<1>::from_dispatch(y.clone())));

@@ -7,7 +7,7 @@ use petzval_camera::linear_limit::{LimitGradient, LinearLimit};
 use petzval_camera::psf::PsfBank;
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::Lens;
-use petzval_optics::merit::{Merit, Seen, SpotResiduals, lifted_normal_equations};
+use petzval_optics::merit::{Better, Merit, Seen, SpotResiduals, lifted_normal_equations};
 use petzval_optics::number::Number;
 use petzval_optics::paraxial::{image_brightness, pull_back_log_brightness};
 
@@ -89,6 +89,10 @@ impl Merit for RestoredError {
 
     fn unit(&self) -> &str {
         "% of white"
+    }
+
+    fn better(&self) -> Better {
+        Better::Lower
     }
 
     fn value(&self, lens: &Lens) -> Option<f64> {

@@ -84,9 +84,7 @@ pub fn report_of_run(setup: &Setup, run: &RunFolder, command_line: &str) -> Resu
     );
     let report = gathered(setup, run, &metrics, events, &lenses)?;
     let subtitle = match report.short {
-        Some(ShortRun { steps, usual }) => {
-            format!("{subtitle} The run was made short: {steps} of {usual} network steps.")
-        }
+        Some(short) => format!("{subtitle} The run was made short: {}.", short.in_words()),
         None => subtitle,
     };
     let one_seed = match metrics.seeds[..] {

@@ -158,10 +158,15 @@ impl fmt::Display for Loose {
     }
 }
 
-/// A value that is read from JSON of any type: lists and tables in a way of its own, all else by what it is.
+/// A value that is read from JSON of any type.
 pub(super) trait AnyValue<'de>: Sized {
     /// From a value that is neither list nor table.
     fn plain(value: Loose) -> Self;
+
+    /// From a text, which is copied unless the type takes it as it is.
+    fn text(text: &str) -> Self {
+        Self::plain(Loose::Text(text.to_owned()))
+    }
 
     /// From a list.
     fn list<A: SeqAccess<'de>>(list: A) -> Result<Self, A::Error>;
@@ -205,7 +210,7 @@ impl<'de, T: AnyValue<'de>> Visitor<'de> for AnyVisitor<T> {
     }
 
     fn visit_str<E>(self, text: &str) -> Result<T, E> {
-        Ok(T::plain(Loose::Text(text.to_owned())))
+        Ok(T::text(text))
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<T, A::Error> {

@@ -2,6 +2,7 @@
 
 use super::record::Record;
 use crate::decimal::shown;
+use crate::field_weights::{MOST_FIELD_WEIGHT, WeightFault, uneven_weights};
 use crate::loss::{Effect, Losses};
 use petzval_base::FileError;
 use petzval_optics::lens::{Lens, ObjectDistance};
@@ -77,20 +78,19 @@ impl Fields {
         let Some((stated, record)) = &self.weights else { return Vec::new() };
         let count = self.points.len();
         let weights: Vec<f64> = (0..count).map(|i| stated.get(i).copied().unwrap_or(1.0)).collect();
-        if weights.windows(2).all(|w| w[0] == w[1]) {
+        if WeightFault::of(&weights).is_some() {
+            let message = format!(
+                "weights of fields below 0, above {MOST_FIELD_WEIGHT} or all 0 are not kept: all count the same"
+            );
+            record.lose(losses, Effect::NoRay, &message);
             return Vec::new();
         }
-        if weights.iter().any(|w| *w < 0.0) {
-            let message = "weights of fields below 0 are not kept: all count the same";
-            losses.add(record.line, &record.text, Effect::NoRay, message);
-            return Vec::new();
-        }
-        weights
+        uneven_weights(weights)
     }
 }
 
-/// Field angles of the lens, degrees, ascending, each once, with their weights; these are empty if all are the same. Fields that are mirror images have the
-/// larger weight of the two.
+/// Field angles of the lens, degrees, ascending, each once. Second: their weights; empty if all are the same. Of fields that are mirror images
+/// the larger weight counts.
 ///
 /// In a rotationally symmetric lens every field is turned into the y-z plane. Other lenses allow only fields in that plane:
 /// another field is an error.
@@ -164,8 +164,7 @@ pub(super) fn angles_deg(
     weighted.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.total_cmp(&a.1)));
     weighted.dedup_by(|a, b| a.0 == b.0);
     let (angles, weights): (Vec<f64>, Vec<f64>) = weighted.into_iter().unzip();
-    let is_even = weights.windows(2).all(|w| w[0] == w[1]);
-    Ok((angles, if is_even { Vec::new() } else { weights }))
+    Ok((angles, uneven_weights(weights)))
 }
 
 /// The angle of one field as seen from the first vertex, degrees; `None` if no ray belongs to it.

@@ -40,7 +40,7 @@ pub(super) const MOST_VALUES: usize = 100;
 /// Largest size of a file, bytes.
 pub(super) const MOST_BYTES: usize = 16 << 20;
 
-/// Refuses a file that is larger than the largest.
+/// Refuses a file above [`MOST_BYTES`].
 pub(super) fn check_size(text: &str) -> Result<(), FileError> {
     if text.len() > MOST_BYTES {
         return Err(

@@ -9,6 +9,7 @@ use super::text::{
 };
 use super::{Expect, Expected, ExpectedSpots, LensFile};
 use crate::draft::{Import, is_exactly_telecentric, with_open_surfaces, with_stop_beside_focus};
+use crate::field_weights::{WeightFault, uneven_weights};
 use crate::glass_toml::read_glasses;
 use crate::spanned::Spanned;
 use crate::wavelength::{OPTICAL_UM, wavelength_hint, wavelength_message};
@@ -242,22 +243,17 @@ impl Reader<'_> {
             let message = format!("{found} weights do not fit the {count} fields");
             return Err(self.error("weight", text.span(), message).hint("one per field"));
         }
-        let mut weights = Vec::with_capacity(count);
-        for number in text.get_ref() {
-            let weight = self.finite("weight", number)?;
-            if weight < 0.0 {
-                return Err(self
-                    .error("weight", number.span(), "a weight is at least 0")
-                    .hint("a field of weight 0 does not count"));
-            }
-            weights.push(weight);
+        let weights = text.get_ref().iter().map(|number| self.finite("weight", number));
+        let weights = weights.collect::<Result<Vec<_>, _>>()?;
+        if let Some(fault) = WeightFault::of(&weights) {
+            let span = match fault {
+                WeightFault::Range(place) => text.get_ref()[place].span(),
+                WeightFault::Nothing => text.span(),
+            };
+            let (message, hint) = fault.in_words();
+            return Err(self.error("weight", span, message).hint(hint));
         }
-        if weights.iter().all(|weight| *weight == 0.0) {
-            let message = "all weights are 0: no field would count";
-            return Err(self.error("weight", text.span(), message).hint("give one field a weight"));
-        }
-        let is_even = weights.windows(2).all(|pair| pair[0] == pair[1]);
-        Ok(if is_even { Vec::new() } else { weights })
+        Ok(uneven_weights(weights))
     }
 
     fn check_ascending(&self, key: &str, list: &Spanned<Vec<Placed>>) -> Result<(), FileError> {

@@ -547,7 +547,7 @@ pub(crate) fn prepared(new: &NewRun, context: &Context) -> Result<Prepared> {
     let (grid, pitch_um) = (experiment.psf.grid, experiment.psf.pitch_um);
     if (grid, pitch_um) != fitted_grid {
         context.note(format!(
-            "psf: by --set the grid has {grid} x {grid} cells of {pitch_um} um in place of the fitted ones"
+            "psf: the settings of the request give a grid of {grid} x {grid} cells of {pitch_um} um in place of the fitted one"
         ));
     }
     Prepared::new(experiment, &new.changes, context.clone().with_assets(assets))

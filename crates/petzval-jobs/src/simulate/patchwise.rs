@@ -138,6 +138,7 @@ impl Behind<'_> {
                     + before(column, geometry.sensor_width, columns)
             })
             .collect();
+        corners.sort_unstable();
         corners.dedup();
         let of_four = |corner: &usize| -> Result<f64> {
             let four = [*corner, corner + 1, corner + columns, corner + columns + 1];

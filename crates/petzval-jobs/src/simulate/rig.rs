@@ -171,7 +171,10 @@ impl Rig {
                 let hint = elsewhere.unwrap_or_else(|| {
                     "`petzval psf --grid N --pitch-um UM` traces PSFs on a larger grid, and --psfs takes them".to_owned()
                 });
-                return Err(JobError::input(format!("{name}: {lost}: this is no picture of the lens"), hint));
+                return Err(JobError::input(
+                    format!("{name}: {lost}; from less than half, this is no picture of the lens"),
+                    hint,
+                ));
             }
             context.warning(WarningKind::LostLight, lost);
             if let Some(elsewhere) = elsewhere {

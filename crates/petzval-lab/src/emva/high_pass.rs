@@ -25,10 +25,10 @@ pub enum HighPass {
     /// No filter, as in the EMVA 1288 Python library.
     #[serde(rename = "none")]
     None,
-    /// The filter of EMVA 1288 release 3.1.
+    /// The filter of EMVA 1288 release 3.1: a box of 5 x 5.
     #[serde(rename = "r3.1")]
     R31,
-    /// The filter of EMVA 1288 release 4.
+    /// The filter of EMVA 1288 release 4: boxes of 7 x 7 and 11 x 11, then a binomial of 3 x 3.
     #[serde(rename = "r4")]
     R4,
 }

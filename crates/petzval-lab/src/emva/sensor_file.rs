@@ -149,12 +149,17 @@ pub fn sensor_toml(found: &Characterization) -> Result<String, Unresolved> {
     ];
 
     let mut text = String::new();
-    write(found, &entries, offset, &mut text).expect("a string takes whatever is written");
+    write_sensor(found, &entries, offset, &mut text).expect("a string takes whatever is written");
     Ok(text)
 }
 
 /// Writes the facts of the sensor, the numbers, the colours, the gains and the non-uniformity. `offset` is BL + mu_el, DN.
-fn write(found: &Characterization, entries: &[Entry], offset: Option<f64>, text: &mut String) -> fmt::Result {
+fn write_sensor(
+    found: &Characterization,
+    entries: &[Entry],
+    offset: Option<f64>,
+    text: &mut String,
+) -> fmt::Result {
     let (joint, model) = (&found.joint, Model::of(found));
     let quoted = |s: &str| toml::Value::String(s.to_owned()).to_string();
     writeln!(text, "# Measured by `petzval sensor characterize`; all numbers hold at linear gain 1.")?;

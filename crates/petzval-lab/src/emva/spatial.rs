@@ -431,12 +431,12 @@ fn mean_of(subs: &[Sub]) -> StackVariances {
 /// rows and columns, that of `n` means of variance `A` as `A sqrt(2/n)`; neighbours that the filter correlates count
 /// less.
 fn components(subs: &[Sub], high_pass: HighPass) -> Components {
-    let [total, row, column, pixel] = [Measured::none(Unresolved::TooSmall); 4];
     let passed = high_pass.passed();
     let mut parts: Vec<[(f64, f64); 4]> = Vec::new();
     let mut neighbours = Neighbours::default();
     for sub in subs {
         let Some(plane) = high_pass.apply(&sub.mean()).filter(|p| p.height >= 8 && p.width >= 8) else {
+            let [total, row, column, pixel] = [Measured::none(Unresolved::TooSmall); 4];
             return Components { total, row, column, pixel, test: None, is_tiled: false };
         };
         let (m, n, l) = (plane.height as f64, plane.width as f64, sub.frames as f64);
@@ -540,7 +540,7 @@ fn mean_spectrum(planes: &[Plane], spectrum: fn(&Plane) -> Vec<f64>) -> Vec<f64>
     (0..length).map(|i| all.iter().map(|s| s[i]).sum::<f64>() / all.len() as f64).collect()
 }
 
-/// The plots of planes and of their defects: whole numbers that count `divisor` a DN, the histogram about `middle`.
+/// The plots of planes and of their defects. `defects` are in units of 1 / `divisor` DN; `middle` is subtracted from the histogram.
 fn plots(planes: &[Plane], defects: &[i64], divisor: f64, middle: f64) -> StackPlots {
     let (horizontal_profile, vertical_profile) = planes.first().map(profiles).unwrap_or_default();
     StackPlots {

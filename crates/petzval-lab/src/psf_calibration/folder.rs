@@ -232,8 +232,9 @@ impl Reader<'_> {
         let (height, width) = (raw.height, raw.width);
         if (height, width) != (first_height, first_width) {
             let position = self.position.to_owned();
-            let size = PsfCalibrationError::Size { path, position, height, width, first_height, first_width };
-            return Err(size);
+            let error =
+                PsfCalibrationError::Size { path, position, height, width, first_height, first_width };
+            return Err(error);
         }
         // The bits of the converter are those of the sidecar; a file's own bits are those of its container.
         let bits = Sidecar::beside(&path)?.and_then(|sidecar| sidecar.info.bits);

@@ -77,9 +77,9 @@ impl NamedNetwork {
 /// What a detector finds in pictures, and what its last layers say.
 fn seen(detector: &AnyDetector, pictures: Tensor<4>) -> Result<Vec<NamedArray>, LossError> {
     let heads = detector.heads(pictures.clone())?;
-    let pictures = (0..).zip(detector.detect(pictures)?);
+    let by_picture = (0..).zip(detector.detect(pictures)?);
     let found: Vec<(usize, Detection)> =
-        pictures.flat_map(|(i, all)| all.into_iter().map(move |d| (i, d))).collect();
+        by_picture.flat_map(|(i, all)| all.into_iter().map(move |d| (i, d))).collect();
     let count = found.len();
     let column = |name: &str, of: &dyn Fn(&(usize, Detection)) -> f32| {
         NamedArray::new(name, [count], found.iter().map(of).collect())

@@ -126,9 +126,9 @@ impl LabelledPictures {
                 return Err(at(format!("all pixels for {name} are ignored"), hint));
             }
             let counted = classes.counted();
-            let counts = counted.names().into_iter();
+            let names = counted.names().into_iter();
             let absent: Vec<&str> =
-                counts.zip(pixels).filter(|(_, count)| **count == 0).map(|(c, _)| c).collect();
+                names.zip(pixels).filter(|(_, count)| **count == 0).map(|(c, _)| c).collect();
             if !absent.is_empty() {
                 note(format!("no pixel for {name} is of {}", absent.join(", ")));
             }

@@ -156,7 +156,7 @@ pub fn detect_in(
     Ok(detector.detect(on_device(encoded, device))?.swap_remove(0))
 }
 
-/// The numbers of a tensor under a name. The error says `what` is not a number.
+/// The numbers of a tensor under a name. `what` names the tensor in errors.
 fn named<const D: usize>(name: &str, values: Tensor<D>, what: &'static str) -> Result<NamedArray, LossError> {
     let shape = values.dims();
     Ok(NamedArray::new(name, shape, read_numbers(values, what)?))

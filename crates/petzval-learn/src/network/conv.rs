@@ -46,8 +46,8 @@ pub fn conv_leaky(x: Tensor<4>, weight: Tensor<4>, bias: Tensor<1>, step: usize,
     assert!(rows % 2 == 1 && rows <= 15, "conv_leaky: kernel {rows} is not odd or above 15");
     assert!(step == 1 || step == 2, "conv_leaky: step {step} is not 1 or 2");
     assert!(slope > 0.0 && slope <= 1.0, "conv_leaky: slope {slope} is outside 0..1");
-    let (kind, kernel) = (ConvolutionKind::Full, [rows, columns]);
-    convolution::note(Convolution { kind, input: x.dims(), outputs, kernel, step, border: rows / 2 });
+    let (kind, sides) = (ConvolutionKind::Full, [rows, columns]);
+    convolution::note(Convolution { kind, input: x.dims(), outputs, kernel: sides, step, border: rows / 2 });
     let kernel = ConvLeaky { step, slope };
     if computes_in_place(&kernel, &x) {
         return apply(Arc::new(kernel), [x.into_dispatch(), weight.into_dispatch(), bias.into_dispatch()]);

@@ -103,7 +103,7 @@ pub struct ScoreDescription {
 }
 
 impl ScoreDescription {
-    /// The description of a share of what could be right.
+    /// The description of a score from 0 to 1 of which more is better.
     fn of_share(name: String, title: String, definition: String) -> Self {
         Self { name, title, unit: String::new(), definition, decimals: 4, higher_is_better: true }
     }

@@ -80,9 +80,7 @@ pub trait Merit: Send + Sync {
     fn unit(&self) -> &str;
 
     /// Which way it is good.
-    fn better(&self) -> Better {
-        Better::Lower
-    }
+    fn better(&self) -> Better;
 
     /// Its value; `None` if the lens has none, because rays are lost.
     fn value(&self, lens: &Lens) -> Option<f64>;

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use super::Merit;
+use super::{Better, Merit};
 use crate::constraint::ClearRadii;
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
@@ -443,6 +443,10 @@ impl Merit for SpotResiduals {
 
     fn unit(&self) -> &str {
         "um"
+    }
+
+    fn better(&self) -> Better {
+        Better::Lower
     }
 
     fn value(&self, lens: &Lens) -> Option<f64> {

@@ -1,6 +1,6 @@
 //! The RMS spot radius as a merit.
 
-use super::{FieldSet, Merit};
+use super::{Better, FieldSet, Merit};
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::pupil::PupilSampling;
@@ -50,6 +50,10 @@ impl Merit for RmsSpot {
 
     fn unit(&self) -> &str {
         "um"
+    }
+
+    fn better(&self) -> Better {
+        Better::Lower
     }
 
     fn value(&self, lens: &Lens) -> Option<f64> {

@@ -1,6 +1,6 @@
 //! How far a lens violates a constraint, as a merit.
 
-use super::Merit;
+use super::{Better, Merit};
 use crate::constraint::{Constraint, penalty};
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
@@ -16,6 +16,10 @@ impl Merit for Violation {
 
     fn unit(&self) -> &str {
         "mm"
+    }
+
+    fn better(&self) -> Better {
+        Better::Lower
     }
 
     fn value(&self, lens: &Lens) -> Option<f64> {

@@ -1,6 +1,6 @@
 //! The RMS wavefront error as a merit.
 
-use super::{FieldRays, FieldSet, Merit};
+use super::{Better, FieldRays, FieldSet, Merit};
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::wave::SampledWave;
@@ -74,6 +74,10 @@ impl Merit for RmsWavefront {
 
     fn unit(&self) -> &str {
         "waves"
+    }
+
+    fn better(&self) -> Better {
+        Better::Lower
     }
 
     fn value(&self, lens: &Lens) -> Option<f64> {

@@ -84,7 +84,7 @@ mod tests {
         let warnings = vec!["nominal: the PSF grid of 192 um cuts off 25 % of the light".to_owned()];
         let report = Report { short, warnings, ..sample::answered() };
         let page = super::super::html(&report);
-        assert!(page.contains("shorter than its experiment: 12 of 400 network steps."), "{page}");
+        assert!(page.contains("shorter than its experiment: 12 of 400 training steps."), "{page}");
         // The warning stands with the scores, behind the answer.
         let [result, light, lenses] =
             ["<h2>Result</h2>", "the PSF grid of 192 um cuts off", "<h2>Lenses</h2>"]

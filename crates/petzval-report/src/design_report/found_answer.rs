@@ -183,7 +183,7 @@ mod tests {
         report.short = Some(crate::design_report::ShortRun { steps: 12, usual: 400 });
         let answer = answer(&report, report.detection.as_ref().unwrap()).unwrap();
         assert!(
-            answer.sentence.starts_with("End-to-end finds most after 12 of 400 network steps: AP50 0.75"),
+            answer.sentence.starts_with("End-to-end finds most after 12 of 400 training steps: AP50 0.75"),
             "{}",
             answer.sentence
         );

@@ -276,7 +276,7 @@ mod tests {
         let said = said(&Report { short, ..sample::report() });
         assert_eq!(
             said,
-            "End-to-end scores highest in PSNR after 12 of 400 network steps: +1.30 dB over nominal, +0.53 dB over spot-optimised."
+            "End-to-end scores highest in PSNR after 12 of 400 training steps: +1.30 dB over nominal, +0.53 dB over spot-optimised."
         );
     }
 

@@ -49,7 +49,7 @@ pub struct Report {
     pub detection: Option<DetectionView>,
     /// Sections of the task's own.
     pub sections: Vec<TaskSection>,
-    /// Most network steps of a camera, and those that the experiment has, if the run was made shorter than that.
+    /// Most training steps of a camera, and those that the experiment has, if the run was made shorter than that.
     pub short: Option<ShortRun>,
     /// What casts doubt on the scores of cameras.
     pub warnings: Vec<String>,
@@ -79,16 +79,16 @@ pub struct TaskSection {
 /// A run with fewer steps than its experiment has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ShortRun {
-    /// Most network steps of a camera.
+    /// Most steps of the network of a camera, or of its hardware ISP where that is trained last.
     pub steps: usize,
     /// The same of the experiment.
     pub usual: usize,
 }
 
 impl ShortRun {
-    /// `12 of 400 network steps`.
-    pub(super) fn in_words(self) -> String {
-        format!("{} of {} network steps", self.steps, self.usual)
+    /// `12 of 400 training steps`.
+    pub fn in_words(self) -> String {
+        format!("{} of {} training steps", self.steps, self.usual)
     }
 }
 

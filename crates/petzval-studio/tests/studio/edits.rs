@@ -281,7 +281,7 @@ fn pickups_solves_and_weights_that_make_no_sense_are_refused() {
         (json!([{"edit": "solve-length", "surface": 2, "length_mm": 1.0}]), "thickness"),
         (json!([{"edit": "solve-magnification", "surface": 7}]), "no near object"),
         (json!([{"edit": "field-weights", "weights": [1, 2]}]), "the lens has 4 fields"),
-        (json!([{"edit": "field-weights", "weights": [1, 2, -1, 1]}]), "-1 is no weight"),
+        (json!([{"edit": "field-weights", "weights": [1, 2, -1, 1]}]), "a weight lies between 0 and 1000000"),
         (json!([{"edit": "field-weights", "weights": [0, 0, 0, 0]}]), "no field would count"),
     ] {
         let report = edited(&context, &edits).unwrap_err().report();

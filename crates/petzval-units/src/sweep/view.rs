@@ -6,6 +6,7 @@ use std::path::Path;
 use petzval_base::nearest;
 use petzval_design::run::picture_names::file_name;
 use petzval_jobs::{JobError, Result};
+use petzval_report::capitalised;
 use petzval_report::sweep_page::{
     FailedUnit, Scatter, ScatterGroup, SweepFigure, SweepPicture, SweepRow, SweepView,
 };
@@ -131,7 +132,8 @@ fn constant_figures(gathered: &Gathered, shown: &[usize]) -> Vec<(String, String
 /// The first of the figures with two different values.
 fn leading_figure(gathered: &Gathered, shown: &[usize]) -> Option<usize> {
     let has_two = |k: &usize| {
-        let mut values = gathered.units.iter().filter_map(|unit| unit.figures[*k]);
+        let mut values =
+            gathered.units.iter().filter(|unit| !unit.is_ceiling).filter_map(|unit| unit.figures[*k]);
         values.next().is_some_and(|first| values.any(|value| value != first))
     };
     shown.iter().copied().find(has_two)
@@ -163,17 +165,21 @@ fn answer(gathered: &Gathered, shown: &[usize]) -> Option<String> {
     let mut means: Vec<(String, f64)> =
         groups.into_iter().map(|(name, values)| (name, mean(&values))).collect();
     means.sort_by(|a, b| a.1.total_cmp(&b.1));
-    let [(least, low), .., (most, high)] = &means[..] else { return None };
+    let [(_, low), .., (_, high)] = &means[..] else { return None };
+    // Several combinations may be as good.
+    let with = |value: &f64| {
+        let names = means.iter().filter(|(_, mean)| mean == value).map(|(name, _)| name.as_str());
+        names.collect::<Vec<_>>().join(" and ")
+    };
     let figure = &gathered.figures[k];
-    let title = figure.title.chars().take(1).flat_map(char::to_uppercase).chain(figure.title.chars().skip(1));
     let ends = match figure.higher_is_better {
-        Some(true) => format!("best: {most}"),
-        Some(false) => format!("best: {least}"),
-        None => format!("least: {least}; largest: {most}"),
+        Some(true) => format!("best: {}", with(high)),
+        Some(false) => format!("best: {}", with(low)),
+        None => format!("least: {}; largest: {}", with(low), with(high)),
     };
     Some(format!(
         "{} from {} to {}{}; {ends}.",
-        title.collect::<String>(),
+        capitalised(&figure.title),
         number(figure, *low),
         format!("{} {}", number(figure, *high), figure.unit.replace("um", "µm")).trim_end(),
         if has_seeds { ", means over the seeds" } else { "" },

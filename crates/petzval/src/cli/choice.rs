@@ -12,10 +12,17 @@ where
 {
     let schema = schema_for!(T).to_value();
     let all = schema["oneOf"].as_array().into_iter().flatten().filter_map(|one| {
-        let meaning = one["description"].as_str()?.replace('\n', " ");
+        let meaning = one["description"].as_str()?.replace('\n', " ").replace('`', "");
         let word = one["const"].as_str()?.to_owned();
         Some(PossibleValue::new(word).help(meaning.trim_end_matches('.').to_owned()))
     });
+    let all: Vec<PossibleValue> = all.collect();
+    // A variant without a doc comment has no such entry.
+    assert_eq!(
+        Some(all.len()),
+        schema["oneOf"].as_array().map(Vec::len),
+        "a choice without a meaning: {schema}"
+    );
     PossibleValuesParser::new(all).try_map(|word| serde_json::from_value(Value::String(word)))
 }
 

@@ -123,7 +123,7 @@ fn light_beyond_the_psf_grid_of_a_lens_out_of_focus_has_its_reason() {
         folder.path(),
         &far,
         2,
-        &["far.toml: the PSF grid", "no picture", "`petzval lens focus far.toml"],
+        &["far.toml: the PSF grid", "no picture of the lens", "`petzval lens focus far.toml"],
     );
     assert!(!folder.path().join("far").exists());
 }

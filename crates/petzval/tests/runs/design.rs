@@ -270,9 +270,9 @@ fn fewer_steps_shorten_every_block() {
     // Answer, caveat and the description of the run say how short it was.
     let html = read(&run.join("report.html"));
     for needle in [
-        "after 2 of 4 network steps: ",
-        "This run is shorter than its experiment: 2 of 4 network steps.",
-        "The run was made short: 2 of 4 network steps.",
+        "after 2 of 4 training steps: ",
+        "This run is shorter than its experiment: 2 of 4 training steps.",
+        "The run was made short: 2 of 4 training steps.",
     ] {
         assert!(html.contains(needle), "{needle}");
     }

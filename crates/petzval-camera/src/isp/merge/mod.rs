@@ -283,8 +283,8 @@ fn check(frames: &[RawInput], exposures: &[f64], options: &MergeOptions) -> Resu
     let (least, most) =
         exposures.iter().fold((f64::INFINITY, 0.0_f64), |(least, most), e| (least.min(*e), most.max(*e)));
     if !exposures.iter().all(|e| e.is_finite() && *e > 0.0) || most / least > LARGEST_RATIO {
-        let hint = "positive, the longest at most 65536 times the shortest";
-        return bad("exposures", format!("{exposures:?}"), hint);
+        let need = "positive, the longest at most 65536 times the shortest";
+        return bad("exposures", format!("{exposures:?}"), need);
     }
     if let Some(sigmas) = options.motion_sigmas.filter(|sigmas| !(1.0..=100.0).contains(sigmas)) {
         return bad("limit of the motion check", sigmas.to_string(), "1 to 100 standard deviations");

@@ -18,7 +18,7 @@ use crate::develop::{Demosaic, Domain, Stabiliser, dark_mean_dn, light_per_dn};
 use crate::image::CHANNELS;
 use crate::sensor::Colour;
 use crate::tape::develop_op::DevelopKernel;
-use crate::tape::{Cotangent, DeviceForm};
+use crate::tape::{BackwardPass, DeviceForm};
 
 /// A batch with what its kernels read.
 struct Frames {
@@ -86,8 +86,8 @@ impl DevelopKernel {
         }
         let steps = empty(&mosaic, [n]);
         let ([of_steps, of_planes], sizes) = (buffers([&steps, &planes]), self.sizes());
-        let groups = count.clone();
-        directions_and_green::launch(client, groups, dim, of_mosaic, of_words, of_steps, of_planes, sizes);
+        let cubes = count.clone();
+        directions_and_green::launch(client, cubes, dim, of_mosaic, of_words, of_steps, of_planes, sizes);
         let all = [
             Step::ChromaAtGreen,
             Step::Opposite,
@@ -118,7 +118,7 @@ impl DeviceForm for DevelopKernel {
         given(picture)
     }
 
-    fn backward(&self, inputs: &[DispatchTensor], at: Cotangent<'_>) -> Vec<Option<DispatchTensor>> {
+    fn backward(&self, inputs: &[DispatchTensor], at: BackwardPass<'_>) -> Vec<Option<DispatchTensor>> {
         let [batch, _, height, width] = self.shape;
         let frames = self.frames(&inputs[0]);
         let (mosaic, planes, steps) = self.interpolated(&frames);
@@ -126,9 +126,10 @@ impl DeviceForm for DevelopKernel {
         let [mut bars, mut next] = [(); 2].map(|()| empty(&mosaic, [n * BARS]));
         // The cotangents of the planes in a border of zeros.
         let (count, dim) = groups(&mosaic, n);
-        let [from, planes, levels, to] = buffers([&taken(at.gradient), &planes, &frames.numbers, &bars]);
+        let [from, of_planes, levels, to] = buffers([&taken(at.gradient), &planes, &frames.numbers, &bars]);
         let (sizes, is_stabilised) = (self.sizes(), self.is_stabilised());
-        begin_back::launch(&client, count.clone(), dim, from, planes, levels, to, sizes, is_stabilised);
+        begin_back::launch(&client, count.clone(), dim, from, of_planes, levels, to, sizes, is_stabilised);
+        drop(planes);
         let is_menon = self.interpolation.demosaic == Demosaic::Menon;
         let all = [
             Step::RefinedOpposite,

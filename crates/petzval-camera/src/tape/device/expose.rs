@@ -14,7 +14,7 @@ use super::{buffers, empty, given, groups, is_served, numbers, taken, words};
 use crate::image::CHANNELS;
 use crate::sensor::{Electronics, NoiseMode, shared_lines};
 use crate::tape::expose_op::ExposeKernel;
-use crate::tape::{Cotangent, DeviceForm};
+use crate::tape::{BackwardPass, DeviceForm};
 
 /// What compiles a kernel of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -124,7 +124,7 @@ impl DeviceForm for ExposeKernel {
         given(dn)
     }
 
-    fn backward(&self, inputs: &[DispatchTensor], at: Cotangent<'_>) -> Vec<Option<DispatchTensor>> {
+    fn backward(&self, inputs: &[DispatchTensor], at: BackwardPass<'_>) -> Vec<Option<DispatchTensor>> {
         // The slopes are those of the same draws, which are made again.
         let Inputs { irradiance, numbers, words, lines, tile } = self.inputs(&inputs[0]);
         let bar = empty(&irradiance, irradiance.shape());

@@ -11,7 +11,7 @@ use crate::image::CHANNELS;
 use crate::psf::PsfLayout;
 use crate::render::{PatchKernels, Placement, RenderGeometry, patch_kernels, patch_kernels_adjoint};
 use crate::tape::render_op::{CHECKED, IlluminationKernel, RenderKernel};
-use crate::tape::{Cotangent, DeviceForm, Kernel, View};
+use crate::tape::{BackwardPass, DeviceForm, Kernel, View};
 
 /// The derivatives by PSF values and field radii from those by their kernels on a device.
 pub fn by_psfs(
@@ -60,8 +60,8 @@ impl DeviceForm for RenderKernel {
         given(blend.convolved(&self.scenes_on(&psfs), &of_kernels, self.radius, support(&kernels)))
     }
 
-    fn backward(&self, inputs: &[DispatchTensor], at: Cotangent<'_>) -> Vec<Option<DispatchTensor>> {
-        let Cotangent { gradient, wanted, .. } = at;
+    fn backward(&self, inputs: &[DispatchTensor], at: BackwardPass<'_>) -> Vec<Option<DispatchTensor>> {
+        let BackwardPass { gradient, wanted, .. } = at;
         let psfs = taken(&inputs[0]);
         let mut sum = PatchKernels::zeros(self.radius, &self.active);
         let blend = self.blend(&psfs, &sum.patches);
@@ -92,8 +92,8 @@ impl DeviceForm for IlluminationKernel {
     }
 
     /// On the host: only a lens that moves wants it.
-    fn backward(&self, inputs: &[DispatchTensor], at: Cotangent<'_>) -> Vec<Option<DispatchTensor>> {
-        let Cotangent { gradient, wanted, .. } = at;
+    fn backward(&self, inputs: &[DispatchTensor], at: BackwardPass<'_>) -> Vec<Option<DispatchTensor>> {
+        let BackwardPass { gradient, wanted, .. } = at;
         let inputs: Vec<CubeTensor> = inputs.iter().map(taken).collect();
         let all: Vec<Vec<f32>> = inputs.iter().map(read).collect();
         let view = |(values, tensor): (&Vec<f32>, &CubeTensor)| (values.clone(), tensor.shape());

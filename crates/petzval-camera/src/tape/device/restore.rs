@@ -16,7 +16,7 @@ use crate::image::CHANNELS;
 use crate::render::{KNOTS, PatchKernels, WienerGrid, patch_kernels};
 use crate::tape::render_op::CHECKED;
 use crate::tape::restore_op::RestoreKernel;
-use crate::tape::{Cotangent, DeviceForm, Restoration};
+use crate::tape::{BackwardPass, DeviceForm, Restoration};
 
 /// Kernels, filters and what leads from ones to the others.
 struct Filters {
@@ -143,8 +143,8 @@ impl DeviceForm for RestoreKernel {
         given(blend.convolved(&seen, &filters, grid.reach, whole(grid.reach)))
     }
 
-    fn backward(&self, inputs: &[DispatchTensor], at: Cotangent<'_>) -> Vec<Option<DispatchTensor>> {
-        let Cotangent { gradient, wanted, .. } = at;
+    fn backward(&self, inputs: &[DispatchTensor], at: BackwardPass<'_>) -> Vec<Option<DispatchTensor>> {
+        let BackwardPass { gradient, wanted, .. } = at;
         let Restoration { layout, geometry, .. } = &self.restoration;
         let [_, _, height, width] = self.shape;
         let (pictures, bar) = (taken(&inputs[0]), taken(gradient));
@@ -187,6 +187,7 @@ impl DeviceForm for RestoreKernel {
             let (cubes, dim) = groups(&pictures, count * grid.len());
             let [bars, of, by, to] = buffers([&by_spectra, &spectra, &regularisation, &by_kernels]);
             invert_back::launch(&by_kernels.client, cubes, dim, bars, of, by, to);
+            drop((by_spectra, spectra, regularisation));
             let values = read(&grid.back(&by_kernels, count, radius));
             let d_kernels = PatchKernels { radius, patches, values };
             [by_values, by_radii] =

@@ -96,7 +96,7 @@ impl Builder {
         self.first_error.get_or_insert_with(|| (path.to_owned(), error));
     }
 
-    /// What was read of a file; `None` after a note of the place that cannot be understood.
+    /// The value that was read, or `None` after noting the error.
     pub fn understood<T>(&mut self, path: &Path, read: Result<T, FileError>) -> Option<T> {
         read.map_err(|error| self.wrong(path, error)).ok()
     }

@@ -28,7 +28,7 @@ use super::error::CocoError;
 pub enum SourceFormat {
     /// KITTI object detection: `label_2/*.txt` and `image_2/`.
     Kitti,
-    /// BDD100K: JSON with `labels[].box2d`.
+    /// BDD100K: JSON with `labels[].box2d`, and the pictures.
     Bdd100k,
     /// YOLO: `data.yaml` and `labels/*.txt`, also as Roboflow and Ultralytics lay them out.
     Yolo,

@@ -1,7 +1,7 @@
 //! One change of a lens, and what it does to the lens file around it.
 
-use petzval_files::LensFile;
 use petzval_files::lens_toml::parameter_name;
+use petzval_files::{LensFile, WeightFault, uneven_weights};
 use petzval_optics::design_space::{EflSolve, MagnificationSolve, Pickup, Variable};
 use petzval_optics::glass::{Catalog, Glass};
 use petzval_optics::lens::{Action, Lens, ObjectDistance, Surface, SurfaceShape};
@@ -541,14 +541,11 @@ fn set_fields(fields_deg: Vec<f64>, file: &mut LensFile) {
         let before = || file.lens.fields_deg.iter().zip(&file.field_weights);
         let of = |field: &f64| before().find(|(known, _)| *known == field).map_or(1.0, |(_, weight)| *weight);
         let weights: Vec<f64> = fields_deg.iter().map(of).collect();
-        file.field_weights = uneven(weights).filter(|all| all.iter().any(|w| *w > 0.0)).unwrap_or_default();
+        // Where the fields that counted are gone, all count.
+        file.field_weights =
+            if WeightFault::of(&weights).is_some() { Vec::new() } else { uneven_weights(weights) };
     }
     file.lens.fields_deg = fields_deg;
-}
-
-/// Weights that differ; `None` if all are the same.
-fn uneven(weights: Vec<f64>) -> Option<Vec<f64>> {
-    weights.windows(2).any(|pair| pair[0] != pair[1]).then_some(weights)
 }
 
 /// Sets the weights of the fields.
@@ -558,13 +555,11 @@ fn set_weights(weights: &[f64], file: &mut LensFile) -> Result<()> {
     if !weights.is_empty() && weights.len() != count {
         return wrong(format!("the lens has {count} fields"), "give one weight per field");
     }
-    if let Some(weight) = weights.iter().find(|w| !(w.is_finite() && **w >= 0.0)) {
-        return wrong(format!("{weight} is no weight"), "a weight is a number of 0 or more");
+    if let Some(fault) = WeightFault::of(weights) {
+        let (message, hint) = fault.in_words();
+        return wrong(message, hint);
     }
-    if !weights.is_empty() && weights.iter().all(|w| *w == 0.0) {
-        return wrong("no field would count".to_owned(), "give one field a weight above 0");
-    }
-    file.field_weights = uneven(weights.to_vec()).unwrap_or_default();
+    file.field_weights = uneven_weights(weights.to_vec());
     Ok(())
 }
 

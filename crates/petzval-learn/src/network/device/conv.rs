@@ -11,7 +11,7 @@ use burn_cubecl::cubecl::prelude::*;
 use burn_cubecl::kernel::conv::{conv_data_backward, conv_forward, conv_weight_backward};
 use burn_cubecl::ops::permute_nhwc_to_nchw;
 use burn_cubecl::tensor::CubeTensor;
-use petzval_camera::tape::{Cotangent, DeviceForm};
+use petzval_camera::tape::{BackwardPass, DeviceForm};
 
 use crate::network::conv::ConvLeaky;
 
@@ -43,8 +43,8 @@ impl DeviceForm for ConvLeaky {
         given(if self.slope < 1.0 { rectified(y, self.slope) } else { y })
     }
 
-    fn backward(&self, inputs: &[DispatchTensor], at: Cotangent<'_>) -> Vec<Option<DispatchTensor>> {
-        let Cotangent { output, gradient, wanted } = at;
+    fn backward(&self, inputs: &[DispatchTensor], at: BackwardPass<'_>) -> Vec<Option<DispatchTensor>> {
+        let BackwardPass { output, gradient, wanted } = at;
         let ([x, weight, _], Some(output)) = (inputs, output) else {
             unreachable!("three inputs and the value")
         };

@@ -10,7 +10,7 @@ use burn_cubecl::cubecl::calculate_cube_count_elemwise;
 use burn_cubecl::cubecl::prelude::*;
 use burn_cubecl::kernel::into_contiguous;
 use burn_cubecl::tensor::CubeTensor;
-use petzval_camera::tape::{Cotangent, DeviceForm};
+use petzval_camera::tape::{BackwardPass, DeviceForm};
 
 use crate::network::depthwise::Depthwise;
 
@@ -41,8 +41,8 @@ impl DeviceForm for Depthwise {
         given(correlated(x, weight, Some(bias)))
     }
 
-    fn backward(&self, inputs: &[DispatchTensor], at: Cotangent<'_>) -> Vec<Option<DispatchTensor>> {
-        let Cotangent { gradient, wanted, .. } = at;
+    fn backward(&self, inputs: &[DispatchTensor], at: BackwardPass<'_>) -> Vec<Option<DispatchTensor>> {
+        let BackwardPass { gradient, wanted, .. } = at;
         let [x, weight, _] = inputs else { unreachable!("three inputs") };
         let [x, weight, gradient] = tensors([x, weight, gradient]);
         let size = weight.shape()[1];

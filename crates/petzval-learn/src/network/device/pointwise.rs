@@ -5,7 +5,7 @@
 
 use burn::backend::{DispatchTensor, TensorMetadata};
 use burn::prelude::*;
-use petzval_camera::tape::{Cotangent, DeviceForm};
+use petzval_camera::tape::{BackwardPass, DeviceForm};
 
 use crate::network::pointwise::Pointwise;
 use crate::network::pointwise_kernel::Prologue;
@@ -37,8 +37,8 @@ impl DeviceForm for Pointwise {
         (mixed + bias.reshape([1, outputs, 1, 1])).into_dispatch()
     }
 
-    fn backward(&self, inputs: &[DispatchTensor], at: Cotangent<'_>) -> Vec<Option<DispatchTensor>> {
-        let Cotangent { gradient, wanted, .. } = at;
+    fn backward(&self, inputs: &[DispatchTensor], at: BackwardPass<'_>) -> Vec<Option<DispatchTensor>> {
+        let BackwardPass { gradient, wanted, .. } = at;
         let [x, weight, _] = inputs else { unreachable!("three inputs") };
         let [x, pulled] = tensors([x, gradient]);
         // The adjoint of the normalisation and the products both read the mean and the scale of every pixel.
