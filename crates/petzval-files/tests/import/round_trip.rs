@@ -84,7 +84,7 @@ fn weights_that_make_no_sense_are_refused_by_their_line() {
     let line = text.lines().position(|line| line.starts_with("weight = ")).unwrap() + 1;
     for (list, message) in [
         ("[1.0, 2.0, 3.0]", "3 weights do not fit the 4 fields"),
-        ("[1.0, -2.0, 3.0, 4.0]", "a weight is at least 0"),
+        ("[1.0, -2.0, 3.0, 4.0]", "a weight lies between 0 and 1000000"),
         ("[1.0, inf, 3.0, 4.0]", "this must be a finite number"),
         ("[0.0, 0.0, 0.0, 0.0]", "all weights are 0"),
     ] {

@@ -13,8 +13,10 @@ where
     let schema = schema_for!(T).to_value();
     let all = schema["oneOf"].as_array().into_iter().flatten().filter_map(|one| {
         let meaning = one["description"].as_str()?.replace('\n', " ").replace('`', "");
+        // What follows the first sentence stands in the reference of the job.
+        let first = meaning.split_once(". ").map_or(meaning.trim_end_matches('.'), |(first, _)| first);
         let word = one["const"].as_str()?.to_owned();
-        Some(PossibleValue::new(word).help(meaning.trim_end_matches('.').to_owned()))
+        Some(PossibleValue::new(word).help(first.to_owned()))
     });
     let all: Vec<PossibleValue> = all.collect();
     // A variant without a doc comment has no such entry.

@@ -89,8 +89,7 @@ pub struct Args {
     /// How the two colours that a pixel did not measure are interpolated
     #[arg(long, value_parser = choice::<Demosaic>(), default_value = word(Request::default().development.demosaic))]
     demosaic: Demosaic,
-    /// Values between which they are interpolated. In the square root of light noise is about equal at every level of light,
-    /// and methods that compare neighbours make fewer mistakes
+    /// Values between which they are interpolated
     #[arg(long, value_parser = choice::<Domain>(), default_value = word(Request::default().development.domain))]
     domain: Domain,
     /// Undo the blur of the lens in the developed picture by a Wiener filter with the PSF of every place. NOISE is the power of
@@ -102,9 +101,8 @@ pub struct Args {
     /// file that `isp develop` takes. It is calibrated for the shading and the distortion of the lens, and for the sensor
     #[arg(long, value_name = "ISP")]
     isp: Option<String>,
-    /// Take the picture as the light on the image plane, so that straight lines stay straight. Otherwise the picture is the
-    /// scene without distortion that a pinhole would show, larger than the sensor where the lens has barrel distortion, and
-    /// the lens distorts it
+    /// Take the picture as the light on the image plane, so that straight lines stay straight. Otherwise it is the scene as a pinhole
+    /// would show it, and the lens distorts it
     #[arg(long)]
     no_distortion: bool,
     /// Photoelectrons of white in a green pixel on the axis. The default is 70 % of the number at which white saturates

@@ -29,7 +29,7 @@ pub struct Args {
     /// Folder for the results
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// High-pass before DSNU and PRNU; the library has none, so it does not change the values of --compatible
+    /// High-pass before DSNU and PRNU; the values of --compatible have none
     #[arg(long, value_parser = choice::<HighPass>(), default_value = word(characterize::Request::default().highpass))]
     highpass: HighPass,
     /// Derive every number as the EMVA 1288 Python library does, including its mistakes
