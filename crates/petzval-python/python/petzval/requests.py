@@ -225,7 +225,7 @@ class TaskView(TypedDict, total=False):
     camera: str | None
     """The camera of that run, whose network, ISP and exposure are taken; the last one that is finished if none is
     named."""
-    edits: list["TaskViewEditsItemEdit1" | "TaskViewEditsItemEdit2" | "TaskViewEditsItemEdit3" | "TaskViewEditsItemEdit4" | "TaskViewEditsItemEdit5" | "TaskViewEditsItemEdit6" | "TaskViewEditsItemEdit7" | "TaskViewEditsItemEdit8" | "TaskViewEditsItemEdit9" | "TaskViewEditsItemEdit10" | "TaskViewEditsItemEdit11" | "TaskViewEditsItemEdit12" | "TaskViewEditsItemEdit13" | "TaskViewEditsItemEdit14" | "TaskViewEditsItemEdit15" | "TaskViewEditsItemEdit16" | "TaskViewEditsItemEdit17" | "TaskViewEditsItemEdit18" | "TaskViewEditsItemEdit19" | "TaskViewEditsItemEdit20" | "TaskViewEditsItemEdit21" | "TaskViewEditsItemEdit22" | "TaskViewEditsItemEdit23"]
+    edits: list["TaskViewEditsItemEdit1" | "TaskViewEditsItemEdit2" | "TaskViewEditsItemEdit3" | "TaskViewEditsItemEdit4" | "TaskViewEditsItemEdit5" | "TaskViewEditsItemEdit6" | "TaskViewEditsItemEdit7" | "TaskViewEditsItemEdit8" | "TaskViewEditsItemEdit9" | "TaskViewEditsItemEdit10" | "TaskViewEditsItemEdit11" | "TaskViewEditsItemEdit12" | "TaskViewEditsItemEdit13" | "TaskViewEditsItemEdit14" | "TaskViewEditsItemEdit15" | "TaskViewEditsItemEdit16" | "TaskViewEditsItemEdit17" | "TaskViewEditsItemEdit18" | "TaskViewEditsItemEdit19" | "TaskViewEditsItemEdit20" | "TaskViewEditsItemEdit21" | "TaskViewEditsItemEdit22" | "TaskViewEditsItemEdit23" | "TaskViewEditsItemEdit24" | "TaskViewEditsItemEdit25" | "TaskViewEditsItemEdit26" | "TaskViewEditsItemEdit27"]
     """Changes of the lens that come first, in this order."""
     experiment: str | "TaskViewExperimentInput22ExperimentText1TomlText" | dict[str, Any]
     """Experiment whose task, sensor and network are taken: a built-in name, the path of a file, or the experiment
@@ -480,6 +480,55 @@ class TaskViewEditsItemEdit22(TypedDict, total=False):
 
 
 class TaskViewEditsItemEdit23(TypedDict, total=False):
+    """Lets a number follow the same number of another surface, now and after each further edit: `scale * other +
+    offset`. The other one varies in optimisations from now on, if it does not yet.
+
+    Needs `edit`, `surface`, `parameter`, `of`."""
+    edit: Literal['pickup']
+    of: int
+    """Surface that it follows."""
+    offset: float | None
+    """Offset in the unit of the number, of radii in 1/mm; 0 if it is left out."""
+    parameter: str
+    """The number as lens files name it; radii follow as curvatures."""
+    scale: float | None
+    """Factor; 1 if it is left out."""
+    surface: int
+    """Surface that follows."""
+
+
+class TaskViewEditsItemEdit24(TypedDict, total=False):
+    """Weights the fields in optimisations.
+
+    Needs `edit`, `weights`."""
+    edit: Literal['field-weights']
+    weights: list[float]
+    """One weight per field of the lens, in ascending order of the fields; empty for all the same."""
+
+
+class TaskViewEditsItemEdit25(TypedDict, total=False):
+    """Lets a radius hold the magnification of a near object, now and after each further edit.
+
+    Needs `edit`."""
+    edit: Literal['solve-magnification']
+    magnification: float | None
+    """Magnification, negative for an inverted image; the own one if left out."""
+    surface: int | None
+    """Surface; null ends the solve."""
+
+
+class TaskViewEditsItemEdit26(TypedDict, total=False):
+    """Lets a thickness hold the distance from the first vertex to the last, now and after each further edit.
+
+    Needs `edit`."""
+    edit: Literal['solve-length']
+    length_mm: float | None
+    """Distance, mm; the own one if left out."""
+    surface: int | None
+    """Surface; null ends the solve."""
+
+
+class TaskViewEditsItemEdit27(TypedDict, total=False):
     """Lets a radius hold the focal length, now and after each further edit.
 
     Needs `edit`."""
@@ -752,7 +801,7 @@ class LensView(TypedDict, total=False):
     """A lens, how it changes, and what to look at.
 
     Needs `lens`."""
-    edits: list["LensViewEditsItemEdit1" | "LensViewEditsItemEdit2" | "LensViewEditsItemEdit3" | "LensViewEditsItemEdit4" | "LensViewEditsItemEdit5" | "LensViewEditsItemEdit6" | "LensViewEditsItemEdit7" | "LensViewEditsItemEdit8" | "LensViewEditsItemEdit9" | "LensViewEditsItemEdit10" | "LensViewEditsItemEdit11" | "LensViewEditsItemEdit12" | "LensViewEditsItemEdit13" | "LensViewEditsItemEdit14" | "LensViewEditsItemEdit15" | "LensViewEditsItemEdit16" | "LensViewEditsItemEdit17" | "LensViewEditsItemEdit18" | "LensViewEditsItemEdit19" | "LensViewEditsItemEdit20" | "LensViewEditsItemEdit21" | "LensViewEditsItemEdit22" | "LensViewEditsItemEdit23"]
+    edits: list["LensViewEditsItemEdit1" | "LensViewEditsItemEdit2" | "LensViewEditsItemEdit3" | "LensViewEditsItemEdit4" | "LensViewEditsItemEdit5" | "LensViewEditsItemEdit6" | "LensViewEditsItemEdit7" | "LensViewEditsItemEdit8" | "LensViewEditsItemEdit9" | "LensViewEditsItemEdit10" | "LensViewEditsItemEdit11" | "LensViewEditsItemEdit12" | "LensViewEditsItemEdit13" | "LensViewEditsItemEdit14" | "LensViewEditsItemEdit15" | "LensViewEditsItemEdit16" | "LensViewEditsItemEdit17" | "LensViewEditsItemEdit18" | "LensViewEditsItemEdit19" | "LensViewEditsItemEdit20" | "LensViewEditsItemEdit21" | "LensViewEditsItemEdit22" | "LensViewEditsItemEdit23" | "LensViewEditsItemEdit24" | "LensViewEditsItemEdit25" | "LensViewEditsItemEdit26" | "LensViewEditsItemEdit27"]
     """Changes that come first, in this order."""
     goal: "LensViewGoalGoal"
     """Limits of the lens, as an optimisation has them. Its other keys do not matter."""
@@ -1002,6 +1051,55 @@ class LensViewEditsItemEdit22(TypedDict, total=False):
 
 
 class LensViewEditsItemEdit23(TypedDict, total=False):
+    """Lets a number follow the same number of another surface, now and after each further edit: `scale * other +
+    offset`. The other one varies in optimisations from now on, if it does not yet.
+
+    Needs `edit`, `surface`, `parameter`, `of`."""
+    edit: Literal['pickup']
+    of: int
+    """Surface that it follows."""
+    offset: float | None
+    """Offset in the unit of the number, of radii in 1/mm; 0 if it is left out."""
+    parameter: str
+    """The number as lens files name it; radii follow as curvatures."""
+    scale: float | None
+    """Factor; 1 if it is left out."""
+    surface: int
+    """Surface that follows."""
+
+
+class LensViewEditsItemEdit24(TypedDict, total=False):
+    """Weights the fields in optimisations.
+
+    Needs `edit`, `weights`."""
+    edit: Literal['field-weights']
+    weights: list[float]
+    """One weight per field of the lens, in ascending order of the fields; empty for all the same."""
+
+
+class LensViewEditsItemEdit25(TypedDict, total=False):
+    """Lets a radius hold the magnification of a near object, now and after each further edit.
+
+    Needs `edit`."""
+    edit: Literal['solve-magnification']
+    magnification: float | None
+    """Magnification, negative for an inverted image; the own one if left out."""
+    surface: int | None
+    """Surface; null ends the solve."""
+
+
+class LensViewEditsItemEdit26(TypedDict, total=False):
+    """Lets a thickness hold the distance from the first vertex to the last, now and after each further edit.
+
+    Needs `edit`."""
+    edit: Literal['solve-length']
+    length_mm: float | None
+    """Distance, mm; the own one if left out."""
+    surface: int | None
+    """Surface; null ends the solve."""
+
+
+class LensViewEditsItemEdit27(TypedDict, total=False):
     """Lets a radius hold the focal length, now and after each further edit.
 
     Needs `edit`."""
@@ -1034,7 +1132,7 @@ class LensViewGoalGoal(TypedDict, total=False):
     f_number: float | None
     """F-number: sets the entrance pupil by the focal length that is held, or that of the start."""
     fields: list[float]
-    """Field angles, degrees; those of the lens if empty. Unit: degrees."""
+    """Field angles, degrees, all of the same weight; those of the lens with their weights if empty. Unit: degrees."""
     glass: list[str]
     """Glasses that a search may exchange, each as `SURFACE` or `SURFACE=NAME,...`: the surface in front of the
     glass, and the names that it may get, the whole catalogue if none. The glass that it has always takes part."""
@@ -1119,7 +1217,7 @@ class LensEdit(TypedDict, total=False):
     """A lens, and how it changes. Nothing is written into a file.
 
     Needs `lens`."""
-    edits: list["LensEditEditsItemEdit1" | "LensEditEditsItemEdit2" | "LensEditEditsItemEdit3" | "LensEditEditsItemEdit4" | "LensEditEditsItemEdit5" | "LensEditEditsItemEdit6" | "LensEditEditsItemEdit7" | "LensEditEditsItemEdit8" | "LensEditEditsItemEdit9" | "LensEditEditsItemEdit10" | "LensEditEditsItemEdit11" | "LensEditEditsItemEdit12" | "LensEditEditsItemEdit13" | "LensEditEditsItemEdit14" | "LensEditEditsItemEdit15" | "LensEditEditsItemEdit16" | "LensEditEditsItemEdit17" | "LensEditEditsItemEdit18" | "LensEditEditsItemEdit19" | "LensEditEditsItemEdit20" | "LensEditEditsItemEdit21" | "LensEditEditsItemEdit22" | "LensEditEditsItemEdit23"]
+    edits: list["LensEditEditsItemEdit1" | "LensEditEditsItemEdit2" | "LensEditEditsItemEdit3" | "LensEditEditsItemEdit4" | "LensEditEditsItemEdit5" | "LensEditEditsItemEdit6" | "LensEditEditsItemEdit7" | "LensEditEditsItemEdit8" | "LensEditEditsItemEdit9" | "LensEditEditsItemEdit10" | "LensEditEditsItemEdit11" | "LensEditEditsItemEdit12" | "LensEditEditsItemEdit13" | "LensEditEditsItemEdit14" | "LensEditEditsItemEdit15" | "LensEditEditsItemEdit16" | "LensEditEditsItemEdit17" | "LensEditEditsItemEdit18" | "LensEditEditsItemEdit19" | "LensEditEditsItemEdit20" | "LensEditEditsItemEdit21" | "LensEditEditsItemEdit22" | "LensEditEditsItemEdit23" | "LensEditEditsItemEdit24" | "LensEditEditsItemEdit25" | "LensEditEditsItemEdit26" | "LensEditEditsItemEdit27"]
     """The changes, in this order."""
     format: Literal['toml'] | Literal['zmx'] | Literal['seq']
     """The format of the text."""
@@ -1362,6 +1460,55 @@ class LensEditEditsItemEdit22(TypedDict, total=False):
 
 
 class LensEditEditsItemEdit23(TypedDict, total=False):
+    """Lets a number follow the same number of another surface, now and after each further edit: `scale * other +
+    offset`. The other one varies in optimisations from now on, if it does not yet.
+
+    Needs `edit`, `surface`, `parameter`, `of`."""
+    edit: Literal['pickup']
+    of: int
+    """Surface that it follows."""
+    offset: float | None
+    """Offset in the unit of the number, of radii in 1/mm; 0 if it is left out."""
+    parameter: str
+    """The number as lens files name it; radii follow as curvatures."""
+    scale: float | None
+    """Factor; 1 if it is left out."""
+    surface: int
+    """Surface that follows."""
+
+
+class LensEditEditsItemEdit24(TypedDict, total=False):
+    """Weights the fields in optimisations.
+
+    Needs `edit`, `weights`."""
+    edit: Literal['field-weights']
+    weights: list[float]
+    """One weight per field of the lens, in ascending order of the fields; empty for all the same."""
+
+
+class LensEditEditsItemEdit25(TypedDict, total=False):
+    """Lets a radius hold the magnification of a near object, now and after each further edit.
+
+    Needs `edit`."""
+    edit: Literal['solve-magnification']
+    magnification: float | None
+    """Magnification, negative for an inverted image; the own one if left out."""
+    surface: int | None
+    """Surface; null ends the solve."""
+
+
+class LensEditEditsItemEdit26(TypedDict, total=False):
+    """Lets a thickness hold the distance from the first vertex to the last, now and after each further edit.
+
+    Needs `edit`."""
+    edit: Literal['solve-length']
+    length_mm: float | None
+    """Distance, mm; the own one if left out."""
+    surface: int | None
+    """Surface; null ends the solve."""
+
+
+class LensEditEditsItemEdit27(TypedDict, total=False):
     """Lets a radius hold the focal length, now and after each further edit.
 
     Needs `edit`."""
@@ -1588,7 +1735,7 @@ class LensOptimizeStartStart1NewGoalGoal(TypedDict, total=False):
     f_number: float | None
     """F-number: sets the entrance pupil by the focal length that is held, or that of the start."""
     fields: list[float]
-    """Field angles, degrees; those of the lens if empty. Unit: degrees."""
+    """Field angles, degrees, all of the same weight; those of the lens with their weights if empty. Unit: degrees."""
     glass: list[str]
     """Glasses that a search may exchange, each as `SURFACE` or `SURFACE=NAME,...`: the surface in front of the
     glass, and the names that it may get, the whole catalogue if none. The glass that it has always takes part."""
@@ -2141,7 +2288,10 @@ class CameraView(TypedDict, total=False):
     pixels."""
     at: list[float]
     """Where: x and y from the upper left corner of the array, as shares of its width and height."""
-    edits: list["CameraViewEditsItemEdit1" | "CameraViewEditsItemEdit2" | "CameraViewEditsItemEdit3" | "CameraViewEditsItemEdit4" | "CameraViewEditsItemEdit5" | "CameraViewEditsItemEdit6" | "CameraViewEditsItemEdit7" | "CameraViewEditsItemEdit8" | "CameraViewEditsItemEdit9" | "CameraViewEditsItemEdit10" | "CameraViewEditsItemEdit11" | "CameraViewEditsItemEdit12" | "CameraViewEditsItemEdit13" | "CameraViewEditsItemEdit14" | "CameraViewEditsItemEdit15" | "CameraViewEditsItemEdit16" | "CameraViewEditsItemEdit17" | "CameraViewEditsItemEdit18" | "CameraViewEditsItemEdit19" | "CameraViewEditsItemEdit20" | "CameraViewEditsItemEdit21" | "CameraViewEditsItemEdit22" | "CameraViewEditsItemEdit23"]
+    edges: list["CameraViewEdgesItemRegion"]
+    """Regions of the window with one slanted edge each, whose MTF is measured in the developed picture, as `raw-mtf`
+    measures it."""
+    edits: list["CameraViewEditsItemEdit1" | "CameraViewEditsItemEdit2" | "CameraViewEditsItemEdit3" | "CameraViewEditsItemEdit4" | "CameraViewEditsItemEdit5" | "CameraViewEditsItemEdit6" | "CameraViewEditsItemEdit7" | "CameraViewEditsItemEdit8" | "CameraViewEditsItemEdit9" | "CameraViewEditsItemEdit10" | "CameraViewEditsItemEdit11" | "CameraViewEditsItemEdit12" | "CameraViewEditsItemEdit13" | "CameraViewEditsItemEdit14" | "CameraViewEditsItemEdit15" | "CameraViewEditsItemEdit16" | "CameraViewEditsItemEdit17" | "CameraViewEditsItemEdit18" | "CameraViewEditsItemEdit19" | "CameraViewEditsItemEdit20" | "CameraViewEditsItemEdit21" | "CameraViewEditsItemEdit22" | "CameraViewEditsItemEdit23" | "CameraViewEditsItemEdit24" | "CameraViewEditsItemEdit25" | "CameraViewEditsItemEdit26" | "CameraViewEditsItemEdit27"]
     """Changes of the lens that come first, in this order."""
     exposure_ev: float
     """Stops by which the picture is exposed more than `white_e` says. Unit: stops."""
@@ -2174,6 +2324,20 @@ class CameraView(TypedDict, total=False):
     white_e: float | None
     """Photoelectrons that white gives in a green pixel on the axis; 70 % of what saturates the first colour if left
     out. Unit: e-."""
+
+
+class CameraViewEdgesItemRegion(TypedDict, total=False):
+    """A rectangle of a frame's pixels. As text: `ROW,COL,HEIGHT,WIDTH`.
+
+    Needs `row`, `col`, `height`, `width`."""
+    col: int
+    """First column, from 0."""
+    height: int
+    """Rows."""
+    row: int
+    """First row, from 0."""
+    width: int
+    """Columns."""
 
 
 class CameraViewEditsItemEdit1(TypedDict, total=False):
@@ -2411,6 +2575,55 @@ class CameraViewEditsItemEdit22(TypedDict, total=False):
 
 
 class CameraViewEditsItemEdit23(TypedDict, total=False):
+    """Lets a number follow the same number of another surface, now and after each further edit: `scale * other +
+    offset`. The other one varies in optimisations from now on, if it does not yet.
+
+    Needs `edit`, `surface`, `parameter`, `of`."""
+    edit: Literal['pickup']
+    of: int
+    """Surface that it follows."""
+    offset: float | None
+    """Offset in the unit of the number, of radii in 1/mm; 0 if it is left out."""
+    parameter: str
+    """The number as lens files name it; radii follow as curvatures."""
+    scale: float | None
+    """Factor; 1 if it is left out."""
+    surface: int
+    """Surface that follows."""
+
+
+class CameraViewEditsItemEdit24(TypedDict, total=False):
+    """Weights the fields in optimisations.
+
+    Needs `edit`, `weights`."""
+    edit: Literal['field-weights']
+    weights: list[float]
+    """One weight per field of the lens, in ascending order of the fields; empty for all the same."""
+
+
+class CameraViewEditsItemEdit25(TypedDict, total=False):
+    """Lets a radius hold the magnification of a near object, now and after each further edit.
+
+    Needs `edit`."""
+    edit: Literal['solve-magnification']
+    magnification: float | None
+    """Magnification, negative for an inverted image; the own one if left out."""
+    surface: int | None
+    """Surface; null ends the solve."""
+
+
+class CameraViewEditsItemEdit26(TypedDict, total=False):
+    """Lets a thickness hold the distance from the first vertex to the last, now and after each further edit.
+
+    Needs `edit`."""
+    edit: Literal['solve-length']
+    length_mm: float | None
+    """Distance, mm; the own one if left out."""
+    surface: int | None
+    """Surface; null ends the solve."""
+
+
+class CameraViewEditsItemEdit27(TypedDict, total=False):
     """Lets a radius hold the focal length, now and after each further edit.
 
     Needs `edit`."""
