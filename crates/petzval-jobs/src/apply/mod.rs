@@ -96,7 +96,6 @@ pub(crate) const UNIT: AsUnit<Request> =
 /// `NAME-CAMERA-classes.png`. [`Cameras`] gives the same pictures as values.
 pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let stems = stems(&request.images)?;
-    check_there(&request.images)?;
     let chosen =
         Chosen::new(&request.run, &request.cameras, &request.device, &request.accept_changed, context)?;
     let chosen = match &request.psfs {
@@ -108,6 +107,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         stems.iter().flat_map(|stem| files_of(stem, &chosen.names, read_files)).collect();
     check_distinct(&files)?;
     check_folder(&request.out, &files, context)?;
+    check_there(&request.images)?;
     // Cameras are made before pictures are read: a run that lacks one is found at once.
     let cameras = chosen.cameras()?;
     if request.images.iter().any(|image| is_raw(image)) {

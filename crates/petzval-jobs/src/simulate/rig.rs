@@ -33,7 +33,7 @@ use crate::range::check_ranges;
 /// Most pixels of a simulated frame, and most samples of its scene: the largest sensors have 150 million pixels. Each pixel takes about
 /// 160 bytes, each further sample 12.
 const MOST_PIXELS: usize = 200_000_000;
-/// Least share of a PSF's light that its grid must hold: below, the picture is that of another lens.
+/// Least share of a PSF's light that its grid must hold where the lens is out of focus: below, the picture is that of another lens.
 const LEAST_CAPTURED: f64 = 0.5;
 
 /// Bits of the pictures of an image signal processor.
@@ -167,14 +167,10 @@ impl Rig {
             // A defocus is the usual cause, and no larger grid mends it.
             let name = request.lens.to_string();
             let elsewhere = traced.as_ref().and_then(|(lens, _)| focus_elsewhere(&name, lens));
-            if captured < LEAST_CAPTURED {
-                let hint = elsewhere.unwrap_or_else(|| {
-                    "`petzval psf --grid N --pitch-um UM` traces PSFs on a larger grid, and --psfs takes them".to_owned()
-                });
-                return Err(JobError::input(
-                    format!("{name}: {lost}; from less than half, this is no picture of the lens"),
-                    hint,
-                ));
+            // In focus the light may be lost at the rim of a wide field alone.
+            if let Some(hint) = elsewhere.as_ref().filter(|_| captured < LEAST_CAPTURED) {
+                let message = format!("{name}: {lost}; from less than half, this is no picture of the lens");
+                return Err(JobError::input(message, hint.clone()));
             }
             context.warning(WarningKind::LostLight, lost);
             if let Some(elsewhere) = elsewhere {

@@ -142,7 +142,7 @@ fn a_sweep_of_a_job_is_run_here_gathered_and_a_failed_unit_run_again() {
     // By default the lenses stand to the right, by their names.
     run_ok(folder.path(), &["sweep", "gather", "sweeps/s"]);
     let page = read(&folder.path().join("sweeps/s/sweep.html"));
-    assert!(page.contains(">key lens</text>") && page.contains(">single</text>"), "{page}");
+    assert!(page.contains(">key lens</text>") && page.contains(">single.toml</text>"), "{page}");
     assert!(page.contains("class=\"lead\"") && page.contains("; largest: lens "), "{page}");
     run_fails(
         folder.path(),
