@@ -136,7 +136,7 @@ pub(crate) fn steps_in_words(cameras: &[Planned]) -> String {
     format!("{} in all: {}", counted(all, "step"), cameras.join("; "))
 }
 
-/// Looks at an experiment that was made ready. Fails with [`DesignError::Stopped`] before the next lens once the job is cancelled.
+/// Looks at an experiment that was made ready. Fails with [`DesignError::Stopped`](crate::error::DesignError::Stopped) before the next lens once the job is cancelled.
 pub fn first_look(setup: &Setup) -> Result<FirstLook> {
     let mut lenses: Vec<LensLook> = Vec::new();
     for variant in setup.variants.iter().filter(|v| v.lens != PERFECT_LENS) {
