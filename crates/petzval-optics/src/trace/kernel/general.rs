@@ -124,8 +124,8 @@ impl<S: Simd> Step<S> {
         let (g, q) = (dot(normal, v), dot(normal, normal));
         let root2 = q * under + g * g;
         // Snell's law. Rays that do not pass get a dummy root, so that their numbers stay finite.
-        let ok = zero.constant(-f64::MIN_POSITIVE).lt(root2);
-        let root = ok.select(root2.max(zero.constant(1e-300)).sqrt(), one);
+        let passes = zero.constant(-f64::MIN_POSITIVE).lt(root2);
+        let root = passes.select(root2.max(zero.constant(1e-300)).sqrt(), one);
         let b = (root - g) / q;
         let (after, ok) = (v, zero.lt(one));
         let mut step = Self { point, before, sag, normal, mu, v, path, b, g, q, under, root, after, ok };
@@ -136,7 +136,7 @@ impl<S: Simd> Step<S> {
             step.after = [x * per_length, y * per_length, per_length];
         } else {
             step.after = along(v, b, normal);
-            step.ok = ok;
+            step.ok = passes;
         }
         step
     }
