@@ -43,7 +43,7 @@ mod kept_memory {
         if program.file_name() != Path::new(&name).file_name() {
             return;
         }
-        // Where that fails, it is slower and nothing else.
+        // If that fails, the program goes on as it is, only slower.
         let _slower = Command::new(program).arg0(name).args(words).env(DELAY, "-1").exec();
     }
 }

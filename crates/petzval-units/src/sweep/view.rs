@@ -328,7 +328,8 @@ fn scatter(gathered: &Gathered, choice: &Choice, shown: &[usize]) -> Result<Opti
     Ok((!groups.is_empty()).then_some(Scatter { names, x_words, groups }))
 }
 
-/// The key with the most values, the first of several; a seed only where nothing else varies. None where none has two.
+/// The key with the most values; the first of those that have equally many. A seed is taken only if no other key varies. None if no key has two
+/// values.
 fn leading_key(gathered: &Gathered) -> Option<usize> {
     let count = |key: &usize| {
         let values: BTreeSet<String> =

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use crate::base::{Cancel, pasted};
 use crate::units::store::Seen;
 use crate::units::sweep::{
-    Choice, Gathered, KeptSweep, figures_that_vary, gather, keep_results, number, status, units_file, view,
+    Choice, Gathered, KeptSweep, figures_that_vary, gather, in_words, keep_results, number, status,
+    units_file, view,
 };
 
 use super::super::code::Code;
@@ -61,7 +62,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<Code, Failure> {
     if args.json {
         return print_json(&gathered);
     }
-    out!("{}", in_words(&gathered));
+    out!("{}", table(&gathered));
     outln!("{}", gathered.status.in_words());
     if kept.job == TOLERANCES && kept.keys.iter().any(|key| key == PART) {
         let units = pasted(&units_file(&args.dir));
@@ -75,9 +76,8 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<Code, Failure> {
 const SHOWN: usize = 4;
 
 /// The table with its first figures that vary.
-fn in_words(gathered: &Gathered) -> String {
+fn table(gathered: &Gathered) -> String {
     let figures: Vec<usize> = figures_that_vary(gathered).into_iter().take(SHOWN).collect();
-    let text = |value: &serde_json::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
     let heads = gathered.keys.iter().map(String::as_str).chain(["camera", "units"]);
     let named = figures.iter().map(|k| gathered.figures[*k].name.as_str());
     let heads: Vec<String> = heads.chain(named).map(|head| plain::line(head).into_owned()).collect();
@@ -91,7 +91,7 @@ fn in_words(gathered: &Gathered) -> String {
             number(figure, spread.mean) + &deviation.unwrap_or_default()
         });
         let camera = if row.camera.is_empty() { "-".to_owned() } else { row.camera.clone() };
-        let cells = row.values.iter().map(text).chain([camera, row.units.len().to_string()]).chain(cells);
+        let cells = row.values.iter().map(in_words).chain([camera, row.units.len().to_string()]).chain(cells);
         table.row(cells.map(|cell| plain::line(&cell).into_owned()));
     }
     table.text()
