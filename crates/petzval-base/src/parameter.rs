@@ -277,6 +277,25 @@ macro_rules! parameters {
             }
         }
     };
+    // No numbers in ranges.
+    (
+        $(#[doc = $about:expr])+
+        pub struct $table:ident {
+            $(
+                $(#[doc = $other_doc:expr])+
+                $other:ident: $other_kind:ty = $other_default:expr;
+            )+
+        }
+    ) => {
+        $crate::parameters! {
+            $(#[doc = $about])+
+            pub struct $table {}
+            also { $(
+                $(#[doc = $other_doc])+
+                $other: $other_kind = $other_default;
+            )+ }
+        }
+    };
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::Result;
 use crate::experiment::{BlockName, PERFECT_LENS, Stage, Variant, is_derived_lens};
+use crate::lens::psf_plan::LEAST_IMAGE;
 use crate::lens::start::Start;
 use crate::setup::Setup;
 use crate::task::PhotosLook;
@@ -26,9 +27,6 @@ const LESS: f64 = 1e-3;
 
 /// Pupil cells a side of the spots.
 const CELLS: usize = 48;
-
-/// Share of the light that the PSFs' grid must hold in the median of the fields; below it pictures show little of the lens.
-const LEAST_ON_GRID: f64 = 0.5;
 
 /// The corner of a sensor over the image circle, beyond which a word is said.
 const FITS: std::ops::RangeInclusive<f64> = 0.6..=1.1;
@@ -258,7 +256,7 @@ fn off_the_grid(setup: &Setup, lens: &LensLook) -> Option<String> {
     shares.sort_by(f64::total_cmp);
     let median = shares[shares.len() / 2];
     let psf = &setup.experiment.psf;
-    (median < LEAST_ON_GRID).then(|| {
+    (median < LEAST_IMAGE).then(|| {
         format!(
             "{}: the PSFs' grid of {:.0} um holds {:.0} % of its light in the median of the fields: is it in focus?",
             lens.lens,

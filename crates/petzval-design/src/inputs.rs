@@ -108,8 +108,14 @@ fn relative(path: &Path, folder: &Path) -> PathBuf {
     up.chain(path.components().skip(shared)).collect()
 }
 
-/// Keeps in a new run folder what the run is made from, and writes the `config.toml` that names it, and its record.
-pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<()> {
+/// Keeps in a new run folder what the run is made from, and writes the `config.toml` that names it, and its record
+/// with its [usual steps](RunRecord::usual_steps).
+pub fn keep_inputs(
+    setup: &Setup,
+    assets: &Assets,
+    run: &RunFolder,
+    usual_steps: Option<usize>,
+) -> Result<()> {
     let experiment = &setup.experiment;
     // The setup has read the lens already, and reported its warnings.
     let lens = assets.import(&experiment.lens)?.file;
@@ -169,7 +175,7 @@ pub fn keep_inputs(setup: &Setup, assets: &Assets, run: &RunFolder) -> Result<()
         }
     }
     let text = kept.to_toml()?;
-    RunRecord::begin(kept).write(run)?;
+    RunRecord::begin(kept, usual_steps).write(run)?;
     write_file(&run.config(), text.as_bytes())
 }
 

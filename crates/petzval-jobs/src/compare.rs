@@ -24,8 +24,7 @@ use crate::run_page::warn_of_missing_pictures;
 
 petzval_base::parameters! {
     /// Runs to compare.
-    pub struct Request {}
-    also {
+    pub struct Request {
         /// Folders of finished runs; those that differ in the seed alone are taken together.
         runs: Vec<PathBuf> = Vec::new();
         /// The page.

@@ -42,8 +42,7 @@ pub use petzval_learn::score::ScoreDescription;
 
 petzval_base::parameters! {
     /// A finished run.
-    pub struct Request {}
-    also {
+    pub struct Request {
         /// Its folder.
         run: PathBuf = PathBuf::new();
         /// Where tensors live.

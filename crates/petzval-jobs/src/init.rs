@@ -30,8 +30,7 @@ const SENSOR: &str = "sensor.toml";
 
 petzval_base::parameters! {
     /// What to start from.
-    pub struct Request {}
-    also {
+    pub struct Request {
         /// The folder of the files; made if it is not there.
         out: PathBuf = PathBuf::new();
         /// An experiment: a built-in name, the path of a file, or the experiment itself.

@@ -21,8 +21,7 @@ use crate::results::check_folder;
 
 petzval_base::parameters! {
     /// What to run.
-    pub struct Request {}
-    also {
+    pub struct Request {
         /// Folder for the runs, `EXPERIMENT-seed-SEED` each, and the page. Finished runs in it are kept, interrupted ones go on.
         out: PathBuf = PathBuf::from("runs");
         /// Experiments by name or path; all built-in ones if none is named.

@@ -25,7 +25,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::design::{NewRun, Prepared, inputs_of, prepared, resolved};
+use crate::design::{NewExperiment, NewRun, inputs_of, prepared, resolved};
 use crate::error::{JobError, Result};
 use crate::event::WarningKind;
 use crate::experiment::DEFAULT_EXPERIMENT;
@@ -270,7 +270,7 @@ fn ready(request: &Request, start: Option<&str>, context: &Context) -> Result<Re
         let network = format!("of the finished camera {name}");
         return with_camera(setup, variant, &blocks, network);
     }
-    let Prepared { experiment, context: own, .. } = if request.experiment.name().is_empty() {
+    let NewExperiment { experiment, context: own, .. } = if request.experiment.name().is_empty() {
         let Some(toml) = start else {
             let hint = "name an experiment, or the lens to which one is fitted";
             return Err(JobError::setting(

@@ -93,7 +93,7 @@ fn result(sheet: &OptimizeSheet) -> Markup {
             "The mean RMS spot is " strong { (um(after.mean_rms_um)) }
             @if let Some(before) = &sheet.before { ", and was " (um(before.mean_rms_um)) }
             "."
-            @if after.missed.is_empty() { " All limits are kept." }
+            @if after.missed.is_empty() { " All limits are kept." } @else { " No lens was found that keeps every limit." }
         }
         (list("Not kept:", &after.missed))
         @if let Some(before) = &sheet.before { (list("Not kept by the lens at the start:", &before.missed)) }

@@ -137,6 +137,12 @@ impl RenderGeometry {
         }
     }
 
+    /// The patches that have a weight somewhere in a window, ascending.
+    pub fn patches_in(&self, window: &Window) -> Vec<usize> {
+        let active = self.active_patches(window);
+        (0..active.len()).filter(|patch| active[*patch]).collect()
+    }
+
     /// Marks the patches that have a weight somewhere in a window.
     pub(super) fn active_patches(&self, window: &Window) -> Vec<bool> {
         let (rows, cols) = (self.row_tiles(window), self.col_tiles(window));
@@ -160,7 +166,7 @@ impl RenderGeometry {
     }
 
     /// Position `(x, y)` of a row and a column, um from the optical axis.
-    pub(super) fn position_um(&self, row: f64, col: f64) -> (f64, f64) {
+    pub fn position_um(&self, row: f64, col: f64) -> (f64, f64) {
         let x = (col - 0.5 * (self.sensor_width as f64 - 1.0)) * self.pixel_um;
         let y = (row - 0.5 * (self.sensor_height as f64 - 1.0)) * self.pixel_um;
         (x, y)

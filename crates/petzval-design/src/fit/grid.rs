@@ -5,6 +5,7 @@ use petzval_optics::lens::Lens;
 
 use crate::error::Result;
 use crate::experiment::{PsfConfig, PsfsBy};
+use crate::lens::psf_plan::LEAST_IMAGE;
 
 /// Fields on which a grid is tried.
 const FIELDS: usize = 9;
@@ -78,14 +79,11 @@ fn share_held(psf: &PsfConfig, sensor: &SensorModel, lens: &Lens) -> Result<(f64
     Ok(tried.plan(sensor, CELLS)?.trace(lens)?.least_captured())
 }
 
-/// Share of the light that a grid holds, below which there is no image.
-const IMAGE: f64 = 0.5;
-
 /// What to say of a grid, once nothing changes it any more, that holds too little of the light of a lens.
 pub(super) fn lost_light(psf: &PsfConfig, sensor: &SensorModel, lens: &Lens) -> Result<Option<String>> {
     let (held, field_rad) = share_held(psf, sensor, lens)?;
     let lost = psf.lost_light(held, Some(field_rad.to_degrees()));
-    let why = if held < IMAGE {
+    let why = if held < LEAST_IMAGE {
         "the lens is far from an image there"
     } else {
         "a larger psf.grid or psf.pitch_um holds more"

@@ -147,6 +147,9 @@ impl BankWithTape {
 /// Least share of a PSF's light that its grid must hold to count as all.
 const LEAST_CAPTURED: f64 = 0.98;
 
+/// Least share of a PSF's light that its grid must hold to be an image; below, pictures show little of the lens.
+pub const LEAST_IMAGE: f64 = 0.5;
+
 /// Fields at which the number of pupil cells is chosen.
 const CHECKED_FIELDS: usize = 7;
 

@@ -44,9 +44,9 @@ pub struct Finish {
 }
 
 impl RunRecord {
-    /// The record of a run that begins now.
-    pub fn begin(config: Experiment) -> Self {
-        Self { version: VERSION.to_owned(), begun: now(), finished: None, usual_steps: None, config }
+    /// The record of a run that begins now, with its [usual steps](Self::usual_steps).
+    pub fn begin(config: Experiment, usual_steps: Option<usize>) -> Self {
+        Self { version: VERSION.to_owned(), begun: now(), finished: None, usual_steps, config }
     }
 
     /// The record of a run; none in a folder of a version that kept none.
@@ -58,14 +58,6 @@ impl RunRecord {
     /// Writes the record into the folder of its run.
     pub fn write(&self, run: &RunFolder) -> Result<()> {
         write_file(&run.record(), DesignError::json("the record of the run", self)?.as_bytes())
-    }
-
-    /// Notes the steps that the experiment of a new run has without the request.
-    pub fn note_usual_steps(run: &RunFolder, steps: usize) -> Result<()> {
-        match Self::read(run)? {
-            Some(record) => Self { usual_steps: Some(steps), ..record }.write(run),
-            None => Ok(()),
-        }
     }
 
     /// Notes the end of a run, once.

@@ -72,7 +72,7 @@ fn assets() -> Library {
 /// The run of an experiment, from its start to its scores.
 fn finished(setup: &Arc<Setup>, folder: &Path) -> (RunFolder, Metrics) {
     let run = RunFolder::create(&folder.join("run")).unwrap();
-    keep_inputs(setup, &assets(), &run).unwrap();
+    keep_inputs(setup, &assets(), &run, None).unwrap();
     let design = DesignLoop::new(run.clone(), Scorer::new(setup.clone()).unwrap()).unwrap();
     let Ending::Finished(metrics) = design.run(&mut Silent).unwrap() else {
         panic!("nothing stops it");

@@ -177,7 +177,7 @@ fn a_run_keeps_the_exposure_of_its_cameras_and_reports_it() {
         Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let run = RunFolder::create(&folder.path().join("run")).unwrap();
-    keep_inputs(&setup, &assets, &run).unwrap();
+    keep_inputs(&setup, &assets, &run, None).unwrap();
     let scorer = || Scorer::new(setup.clone()).unwrap();
     let design = DesignLoop::new(run.clone(), scorer()).unwrap();
     let Ending::Finished(metrics) = design.run(&mut Silent).unwrap() else {
@@ -215,7 +215,7 @@ fn a_network_that_learnt_behind_many_lenses_is_the_start_of_another_run() {
         Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let run = RunFolder::create(&folder.path().join("run")).unwrap();
-    keep_inputs(&learnt, &assets, &run).unwrap();
+    keep_inputs(&learnt, &assets, &run, None).unwrap();
     let design = DesignLoop::new(run.clone(), Scorer::new(learnt.clone()).unwrap()).unwrap();
     let Ending::Finished(metrics) = design.run(&mut Silent).unwrap() else {
         panic!("nothing stops it");
@@ -239,7 +239,7 @@ fn a_network_that_learnt_behind_many_lenses_is_the_start_of_another_run() {
     assert_eq!(started.network().unwrap().to_safetensors().unwrap().unwrap(), bytes);
     // The run keeps them, and its configuration names its own copy.
     let kept = RunFolder::create(&folder.path().join("kept")).unwrap();
-    keep_inputs(&started, &assets, &kept).unwrap();
+    keep_inputs(&started, &assets, &kept, None).unwrap();
     assert_eq!(std::fs::read(kept.input("network.safetensors")).unwrap(), bytes);
     let again = Setup::new(assets.experiment_of_run(&kept).unwrap(), &assets, Device::flex().autodiff());
     assert_eq!(again.unwrap().task.given_weights().unwrap(), bytes);

@@ -178,7 +178,7 @@ fn designed(
 ) -> Result<Ending, DesignError> {
     let setup = Arc::new(setup(EXPERIMENT, library)?);
     if !run.config().exists() {
-        keep_inputs(&setup, library, run)?;
+        keep_inputs(&setup, library, run, None)?;
     }
     let mut observer = observer(&setup);
     DesignLoop::new(run.clone(), Scorer::new(setup)?)?.run(&mut *observer)

@@ -250,7 +250,7 @@ fn a_task_from_outside_is_designed_for_scored_reported_and_read_again() {
 
     let experiment = tasks.parse(EXPERIMENT).unwrap();
     let setup = Arc::new(Setup::new(experiment, &library, Device::flex().autodiff()).unwrap());
-    keep_inputs(&setup, &library, &run).unwrap();
+    keep_inputs(&setup, &library, &run, None).unwrap();
     let design = DesignLoop::new(run.clone(), Scorer::new(setup.clone()).unwrap()).unwrap();
     let Ending::Finished(metrics) = design.run(&mut Silent).unwrap() else {
         panic!("nothing stops it");

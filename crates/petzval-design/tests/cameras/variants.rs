@@ -107,7 +107,7 @@ fn run(experiment: Experiment, folder: &Path) -> Metrics {
         Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let setup = Setup::new(experiment, &assets, Device::flex().autodiff()).unwrap();
     let folder = RunFolder::create(folder).unwrap();
-    keep_inputs(&setup, &assets, &folder).unwrap();
+    keep_inputs(&setup, &assets, &folder, None).unwrap();
     let setup = Arc::new(setup);
     let mut scores = standard_scores(&setup.lpips().unwrap());
     scores.push(Box::new(MeanAbsoluteError));

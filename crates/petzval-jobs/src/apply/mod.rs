@@ -26,8 +26,7 @@ pub use crate::simulate::Place;
 
 petzval_base::parameters! {
     /// Pictures, and the cameras that take them.
-    pub struct Request {}
-    also {
+    pub struct Request {
         /// Folder of the run.
         run: PathBuf = PathBuf::new();
         /// Photographs, which the cameras take; and raw frames, which they develop: DNG files, and files with a sidecar.

@@ -53,8 +53,7 @@ pub const FITTED: &str = " (fitted)";
 
 petzval_base::parameters! {
     /// A run to begin, or to go on with.
-    pub struct Request {}
-    also {
+    pub struct Request {
         /// Begin a run, or go on with one.
         run: Run = Run::New(NewRun::default());
         /// Where tensors live.
@@ -102,8 +101,7 @@ petzval_base::parameters! {
 
 petzval_base::parameters! {
     /// A run to begin.
-    pub struct NewRun {}
-    also {
+    pub struct NewRun {
         /// Experiment: a built-in name, the path of a file, or the experiment itself; or the name or path of a lens, for which one is made as `init`
         /// does.
         experiment: ExperimentInput = DEFAULT_EXPERIMENT.into();
@@ -261,10 +259,7 @@ fn run_from(request: &Request, context: &Context) -> Result<Response> {
             }
             let (folder, lock) = begun.keep();
             write_file(&folder.environment(), json(&environment(context))?.as_bytes())?;
-            keep_inputs(setup, &own.assets, &folder)?;
-            if let Some(steps) = usual_steps {
-                RunRecord::note_usual_steps(&folder, steps)?;
-            }
+            keep_inputs(setup, &own.assets, &folder, usual_steps)?;
             (scorer, folder, lock)
         }
     };
@@ -394,7 +389,7 @@ fn looked_at(
     device: Device,
     context: &Context,
 ) -> Result<(Setup, FirstLook, Context, Option<usize>)> {
-    let Prepared { experiment, context: own, usual_steps } = prepared(new, context)?;
+    let NewExperiment { experiment, context: own, usual_steps } = prepared(new, context)?;
     check_root(new, &experiment, context)?;
     let setup = set_up(experiment, device, &own)?;
     let name = new.experiment.name();
@@ -496,27 +491,36 @@ pub(crate) fn config_of(new: &NewRun, context: &Context) -> Result<(Experiment, 
 }
 
 /// The experiment of a new run.
-pub(crate) struct Prepared {
+pub(crate) struct NewExperiment {
     pub experiment: Experiment,
     /// Where its lens and sensor are found.
     pub context: Context,
-    /// Most network steps of a camera without `steps` of the request; none where the request has none.
+    /// Most network steps of a camera where the request says nothing of steps; none if it does not.
     usual_steps: Option<usize>,
 }
 
-impl Prepared {
-    /// `experiment` with the changes of the request.
-    fn new(experiment: Experiment, changes: &Changes, context: Context) -> Result<Self> {
+impl NewExperiment {
+    /// What `made` makes with the settings of the request, with all other changes.
+    fn new(
+        made: impl Fn(&Settings) -> Result<Experiment>,
+        changes: &Changes,
+        context: Context,
+    ) -> Result<Self> {
+        let complete = |changes: &Changes| changed(made(&changes.set)?, changes, &context);
+        let experiment = complete(changes)?;
         let role = context.assets.facts_of(&experiment)?.network;
-        let usual = || changed(experiment.clone(), &Changes { steps: None, ..changes.clone() }, &context);
-        let usual_steps = changes.steps.map(|_| Ok::<_, JobError>(usual()?.most_steps(role))).transpose()?;
-        Ok(Self { experiment: changed(experiment, changes, &context)?, context, usual_steps })
+        let mut usual = Changes { steps: None, ..changes.clone() };
+        usual.set.retain(|key, _| key.rsplit('.').next() != Some("steps"));
+        // An experiment that is wrong without these settings has no usual steps.
+        let usual = (usual != *changes).then(|| complete(&usual)).and_then(Result::ok);
+        let usual_steps = usual.map(|usual| usual.most_steps(role));
+        Ok(Self { experiment, context, usual_steps })
     }
 }
 
 /// The experiment of a new run, and the context in which its lens and sensor are found. If the request names a lens in place of an
 /// experiment, lens and experiment are fitted to each other as by `init`; they are then in no file.
-pub(crate) fn prepared(new: &NewRun, context: &Context) -> Result<Prepared> {
+pub(crate) fn prepared(new: &NewRun, context: &Context) -> Result<NewExperiment> {
     let (name, context) = &new.experiment.placed(context)?;
     let is_built_in =
         ["experiments", "lenses"].iter().any(|folder| context.assets.names(folder).contains(&name.as_str()));
@@ -524,8 +528,8 @@ pub(crate) fn prepared(new: &NewRun, context: &Context) -> Result<Prepared> {
         check_is_no_folder(Path::new(name))?;
     }
     if !is_lens(name, context) {
-        let experiment = context.assets.experiment_with(name, &new.changes.set)?;
-        return Prepared::new(experiment, &new.changes, context.clone());
+        let made = |set: &Settings| Ok(context.assets.experiment_with(name, set)?);
+        return NewExperiment::new(made, &new.changes, context.clone());
     }
     let usual = context.assets.experiment(DEFAULT_EXPERIMENT)?;
     // Settings are those of the fitted experiment; whether their keys are known does not depend on the lens.
@@ -543,14 +547,15 @@ pub(crate) fn prepared(new: &NewRun, context: &Context) -> Result<Prepared> {
     let assets = context.assets.clone().with_files(files);
     let fitted_grid = (made.experiment.psf.grid, made.experiment.psf.pitch_um);
     let experiment = Experiment { lens: fitted.clone(), sensor: fitted, ..made.experiment };
-    let experiment = assets.changed_by(experiment, &new.changes.set)?;
-    let (grid, pitch_um) = (experiment.psf.grid, experiment.psf.pitch_um);
+    let set = |set: &Settings| Ok(assets.changed_by(experiment.clone(), set)?);
+    let prepared = NewExperiment::new(set, &new.changes, context.clone().with_assets(assets.clone()))?;
+    let (grid, pitch_um) = (prepared.experiment.psf.grid, prepared.experiment.psf.pitch_um);
     if (grid, pitch_um) != fitted_grid {
         context.note(format!(
             "psf: the settings of the request give a grid of {grid} x {grid} cells of {pitch_um} um in place of the fitted one"
         ));
     }
-    Prepared::new(experiment, &new.changes, context.clone().with_assets(assets))
+    Ok(prepared)
 }
 
 /// Refuses a folder in place of an experiment, and says how to go on with the run or the experiment in it.

@@ -182,9 +182,12 @@ pub fn finder(
             let check = DigestCheck::new(&folder, accepted, &warn);
             check.check_cameras([name])?;
             let taken = experiment.classes();
-            let place = Some(&experiment.data).filter(|data| *data != STREET).map(PathBuf::from);
-            let listed = InputList::read(&folder)?.and_then(|list| list.pictures);
-            let own_pictures = place.zip(listed).map(|(place, listed)| OwnPictures { place, listed });
+            let own_pictures = match experiment.data.as_str() {
+                STREET => None,
+                place => InputList::read(&folder)?
+                    .and_then(|list| list.pictures)
+                    .map(|listed| OwnPictures { place: PathBuf::from(place), listed }),
+            };
             let mut block = untrained(&experiment, device)?;
             load_blocks(&folder.camera(name), [&mut block as _], Kept::Numbers)?;
             if let Some(variant) = experiment.variants().iter().find(|variant| variant.name == name) {

@@ -38,8 +38,7 @@ const CLIPPED_LIGHTNESS: f64 = 99.9;
 
 petzval_base::parameters! {
     /// A camera and an ISP to measure. What is left out has the default of the command.
-    pub struct Request {}
-    also {
+    pub struct Request {
         /// Name of a preset, or a file of settings or of the description of an external ISP.
         isp: String = super::NEUTRAL.to_owned();
         /// Further values, each `stage.key=value`.

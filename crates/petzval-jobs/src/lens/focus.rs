@@ -40,8 +40,7 @@ pub enum FocusAt {
 
 petzval_base::parameters! {
     /// A lens to focus.
-    pub struct Request {}
-    also {
+    pub struct Request {
         /// Lens: a built-in name, the path of a file, or the lens itself.
         lens: LensInput = LensInput::default();
         /// Where its image plane goes.

@@ -46,8 +46,7 @@ petzval_base::parameters! {
     /// Files: `calibration.json`, all figures; `psf-calibration.html`, a page to look at; `psf-calibration.png`, all PSFs on a
     /// sheet; `measured.npy`, float64 `[position, channel, row, column]`; `psf.json`, `psf.npy` (float32) and `illumination.npy`, the bank of PSFs,
     /// which `simulate`, `apply`, `evaluate` and experiments take.
-    pub struct Request {}
-    also {
+    pub struct Request {
         /// Folder of captures, with `captures.toml`.
         captures: PathBuf = PathBuf::new();
         /// Lens to compare with, if any: a built-in name, the path of a file, or the lens itself.

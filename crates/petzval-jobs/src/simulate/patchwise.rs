@@ -68,10 +68,11 @@ impl Behind<'_> {
     pub fn exact(mut self, context: &Context) -> Result<Patchwise> {
         let whole = self.psf.geometry(self.sensor);
         let Window { placement, height, width } = self.window;
-        let middle = [placement.row as f64 + 0.5 * height as f64, placement.col as f64 + 0.5 * width as f64];
+        let middle = |start: usize, pixels: usize| start as f64 + 0.5 * pixels as f64;
+        let (x_um, y_um) = whole.position_um(middle(placement.row, height), middle(placement.col, width));
         let tolerance = self.psf.scoring_pupil_error;
-        let (plan, error) =
-            Place::new(self.lens, place_mm(&whole, middle))?.converged(&self.plan, tolerance, MOST_CELLS)?;
+        let (plan, error) = Place::new(self.lens, [1e-3 * x_um, 1e-3 * y_um])?
+            .converged(&self.plan, tolerance, MOST_CELLS)?;
         self.plan = plan;
         let aspect = whole.sensor_width as f64 / whole.sensor_height as f64;
         let with_rows = |rows: usize| -> Result<(Patchwise, BlendError)> {
@@ -97,7 +98,7 @@ impl Behind<'_> {
 
     /// The PSFs of the patches of a geometry that have a weight in the window.
     fn with(&self, geometry: RenderGeometry, context: &Context) -> Result<Patchwise> {
-        let patches = patches_of(&geometry, &self.window);
+        let patches = geometry.patches_in(&self.window);
         let of_patch = |patch: &usize| -> Result<FieldPsf> {
             context.check(|| "stopped before the PSFs were traced")?;
             let (x_um, y_um) = geometry.patch_centre_um(*patch);
@@ -168,30 +169,6 @@ impl Behind<'_> {
     }
 }
 
-/// The place of a row and a column of pixels on the image plane, mm.
-fn place_mm(geometry: &RenderGeometry, [row, column]: [f64; 2]) -> [f64; 2] {
-    let along = |at: f64, pixels: usize| 1e-3 * geometry.pixel_um * (at - 0.5 * (pixels as f64 - 1.0));
-    [along(column, geometry.sensor_width), along(row, geometry.sensor_height)]
-}
-
-/// The patches that have a weight in a window, ascending: those whose centre is less than their distance away from it.
-fn patches_of(geometry: &RenderGeometry, window: &Window) -> Vec<usize> {
-    let (rows, columns) = geometry.patches;
-    let reaches = |centre: f64, count: usize, pixels: usize, from: usize, size: usize| {
-        let distance = pixels as f64 / count as f64;
-        (from as f64 - distance..(from + size) as f64 + distance).contains(&centre)
-    };
-    let is_near = |patch: &usize| {
-        let (x_um, y_um) = geometry.patch_centre_um(*patch);
-        let at = |um: f64, pixels: usize| um / geometry.pixel_um + 0.5 * (pixels as f64 - 1.0);
-        let (height, width) = (geometry.sensor_height, geometry.sensor_width);
-        let Window { placement, .. } = window;
-        reaches(at(y_um, height), rows, height, placement.row, window.height)
-            && reaches(at(x_um, width), columns, width, placement.col, window.width)
-    };
-    (0..geometry.patch_count()).filter(is_near).collect()
-}
-
 impl Patchwise {
     /// Pixels around the window that its PSFs reach into.
     pub fn border(&self) -> usize {
@@ -232,7 +209,7 @@ mod tests {
             let geometry = RenderGeometry { patches, ..RenderGeometry::default() };
             for (row, col) in [(0, 0), (300, 900), (1200 - 64, 1920 - 96)] {
                 let window = Window { placement: Placement { row, col }, height: 64, width: 96 };
-                let chosen = patches_of(&geometry, &window);
+                let chosen = geometry.patches_in(&window);
                 let values = vec![1.0; chosen.len() * CHANNELS];
                 let kernels = PatchKernels { radius: 0, patches: chosen, values };
                 let mut white = LinearImage::zeros(CHANNELS, 64, 96);

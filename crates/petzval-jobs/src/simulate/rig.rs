@@ -15,7 +15,7 @@ use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, e
 use petzval_design::camera::{Body, Camera, Labels, PsfSource, Psfs, Shot};
 use petzval_design::error::DesignError;
 use petzval_design::experiment::PsfConfig;
-use petzval_design::lens::psf_plan::PsfPlan;
+use petzval_design::lens::psf_plan::{LEAST_IMAGE, PsfPlan};
 use petzval_learn::Device;
 use petzval_optics::lens::Lens;
 use petzval_optics::psf::PerfectImage;
@@ -33,8 +33,6 @@ use crate::range::check_ranges;
 /// Most pixels of a simulated frame, and most samples of its scene: the largest sensors have 150 million pixels. Each pixel takes about
 /// 160 bytes, each further sample 12.
 const MOST_PIXELS: usize = 200_000_000;
-/// Least share of a PSF's light that its grid must hold where the lens is out of focus: below, the picture is that of another lens.
-const LEAST_CAPTURED: f64 = 0.5;
 
 /// Bits of the pictures of an image signal processor.
 pub const CHIP_BITS: u32 = 8;
@@ -168,7 +166,7 @@ impl Rig {
             let name = request.lens.to_string();
             let elsewhere = traced.as_ref().and_then(|(lens, _)| focus_elsewhere(&name, lens));
             // In focus the light may be lost at the rim of a wide field alone.
-            if let Some(hint) = elsewhere.as_ref().filter(|_| captured < LEAST_CAPTURED) {
+            if let Some(hint) = elsewhere.as_ref().filter(|_| captured < LEAST_IMAGE) {
                 let message = format!("{name}: {lost}; from less than half, this is no picture of the lens");
                 return Err(JobError::input(message, hint.clone()));
             }

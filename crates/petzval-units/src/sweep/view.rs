@@ -19,9 +19,6 @@ const SHOWN_FIGURES: usize = 8;
 /// Most pictures of the page. Each takes about 0.1 MB.
 const MOST_PICTURES: usize = 60;
 
-/// The setting of the upward axis.
-const UPWARD: &str = "y";
-
 /// Digits of a figure for which no number of decimals is known.
 const DIGITS: usize = 5;
 
@@ -258,10 +255,16 @@ impl Quantity {
         let Some(key) = gathered.keys.iter().position(|key| key == name) else {
             return figure(gathered, name, setting).map(Self::Figure);
         };
-        match Self::of_key(gathered, key) {
-            Self::Words(..) if setting == UPWARD => {
+        Ok(Self::of_key(gathered, key))
+    }
+
+    /// A quantity of the upward axis, which has no words.
+    fn upward(gathered: &Gathered, name: &str) -> Result<Self> {
+        const SETTING: &str = "y";
+        match Self::of(gathered, name, SETTING)? {
+            Self::Words(..) => {
                 let hint = "name a key whose values are numbers, or a figure";
-                Err(JobError::setting(setting, name, "the values of this key are no numbers", hint))
+                Err(JobError::setting(SETTING, name, "the values of this key are no numbers", hint))
             }
             quantity => Ok(quantity),
         }
@@ -306,7 +309,7 @@ impl Quantity {
 /// Two quantities against each other; none where no unit has both.
 fn scatter(gathered: &Gathered, choice: &Choice, shown: &[usize]) -> Result<Option<Scatter>> {
     let y = match &choice.y {
-        Some(name) => Some(Quantity::of(gathered, name, UPWARD)?),
+        Some(name) => Some(Quantity::upward(gathered, name)?),
         None => leading_figure(gathered, shown).or(shown.first().copied()).map(Quantity::Figure),
     };
     let x = match (&choice.x, leading_key(gathered)) {

@@ -91,6 +91,7 @@ fn a_bound_binds_whatever_its_weight_and_a_missed_one_is_listed() {
     );
     let table = optimize("mtf.toml", "mtf").stdout;
     assert!(table.contains("not met: MTF at 60/mm, 15 deg: 0.") && table.contains(" for 0.9900"), "{table}");
+    assert!(table.contains("no lens was found that keeps every limit"), "{table}");
 }
 
 #[test]

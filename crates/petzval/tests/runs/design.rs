@@ -277,6 +277,10 @@ fn fewer_steps_shorten_every_block() {
         assert!(html.contains(needle), "{needle}");
     }
     assert_eq!(read_json(&run.join("run.json"))["usual_steps"], 4);
+    // By its key as well.
+    let by_key = tiny_run(folder.path(), "by-key", &["--set", "training.steps=2"]);
+    assert_eq!(read_json(&by_key.join("run.json"))["usual_steps"], 4);
+    assert!(read(&by_key.join("report.html")).contains("The run was made short: 2 of 4 training steps."));
     // The grid of 64 cells cuts the outer PSFs: the page says so beside the scores.
     let row = &read_json(&run.join("metrics.json"))["rows"][0];
     let lost =

@@ -7,8 +7,7 @@ use crate::isp::frame::FrameOptions;
 
 petzval_base::parameters! {
     /// What is tuned for what.
-    pub struct Plan {}
-    also {
+    pub struct Plan {
         /// Folder of raw frames with sidecars.
         raws: PathBuf = PathBuf::new();
         /// Folder of the pictures that each should become: a picture of the same name, and of the same size.

@@ -7,8 +7,7 @@ use crate::isp::NEUTRAL;
 
 petzval_base::parameters! {
     /// What is imitated, and how.
-    pub struct Plan {}
-    also {
+    pub struct Plan {
         /// Name of a preset, or a file of settings or of the description of an external ISP.
         isp: String = NEUTRAL.to_owned();
         /// Further values, each `stage.key=value`.

@@ -37,8 +37,7 @@ const UNSEEN: u64 = 0x756e_7365_656e;
 
 petzval_base::parameters! {
     /// What is imitated, and how.
-    pub struct Plan {}
-    also {
+    pub struct Plan {
         /// Experiment that gives lens, bounds, sensor and PSFs.
         experiment: String = DEFAULT_EXPERIMENT.to_owned();
         /// Steps and size of the network.

@@ -246,6 +246,7 @@ export interface Place {
 
 export type JobEvent =
   | { event: "step"; camera: string; block: string; step: number; total: number; losses: Record<string, number | null> }
+  | { event: "scoring"; camera: string; done: number; total: number }
   | { event: "camera"; camera: string }
   | { event: "error"; message: string; hint?: string }
   | { event: "warning"; text: string }

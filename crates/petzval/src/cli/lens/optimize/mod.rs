@@ -182,7 +182,11 @@ fn print(response: &Response) {
     for missed in found.start.iter().flat_map(Figures::missed) {
         outln!("not met at the start: {missed}");
     }
-    for missed in found.best.missed() {
+    let missed = found.best.missed();
+    if !missed.is_empty() {
+        outln!("no lens was found that keeps every limit");
+    }
+    for missed in missed {
         outln!("not met: {missed}");
     }
     for limit in found.best.reached() {
