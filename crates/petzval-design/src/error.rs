@@ -103,7 +103,7 @@ pub enum DesignError {
     /// The lens is not rotationally symmetric.
     #[error(
         "the lens `{0}` is not rotationally symmetric: the renderer turns the PSFs of one azimuth about the axis, and so cannot \
-         take it (`petzval psf` shows those of its y-z plane)"
+         take it (`petzval simulate` takes photographs in three colours through it; `petzval psf` shows the PSFs of its y-z plane)"
     )]
     NotSymmetric(String),
     /// A design space in which hardly a lens has light.

@@ -6,7 +6,7 @@ use petzval_camera::develop::saturated_share;
 use petzval_camera::image::LinearImage;
 use petzval_camera::isp::RgbPicture;
 use petzval_camera::sensor::SensorModel;
-use petzval_design::camera::Camera;
+use petzval_design::camera::Body;
 use petzval_files::isp_file::picture_png_bytes;
 use petzval_files::raw_file::{FrameCalibration, RawFrame};
 use serde_json::json;
@@ -47,11 +47,10 @@ impl Frame {
     pub(super) fn of(
         request: &Request,
         rig: &Rig,
-        camera: &Camera,
+        body: &Body,
         name: &str,
         taken: Taken,
     ) -> Result<(Self, Option<String>)> {
-        let body = camera.body();
         let (sensor, white_e) = (body.sensor.clone(), body.exposure.white_e);
         let saturation = Saturation::of(request, &sensor, white_e, saturated_share(&taken.raw, &sensor))?;
         let warning = saturation.warning(request, &sensor, name, white_e);

@@ -49,8 +49,8 @@ pub fn frames_of(request: &Request, memory: InMemory<'_>, context: &Context) -> 
     check_numbers(request)?;
     memory.check(request)?;
     let mut frames = Vec::new();
-    take(request, memory, context, &mut |rig, camera, name, taken| {
-        let (frame, warning) = Frame::of(request, rig, camera, name, taken)?;
+    take(request, memory, context, &mut |rig, body, name, taken| {
+        let (frame, warning) = Frame::of(request, rig, body, name, taken)?;
         frames.push(frame);
         Ok((Facts::new(), warning))
     })?;
@@ -75,8 +75,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let formats = (request.raw_format, request.picture_format);
     let written = names.iter().flat_map(|name| output::names(formats, name, request.isp.is_some()));
     check_folder(&request.out, written, context)?;
-    let images = take(request, InMemory::default(), context, &mut |rig, camera, name, taken| {
-        let (frame, warning) = Frame::of(request, rig, camera, name, taken)?;
+    let images = take(request, InMemory::default(), context, &mut |rig, body, name, taken| {
+        let (frame, warning) = Frame::of(request, rig, body, name, taken)?;
         Ok((frame.write(formats, &request.out, context)?, warning))
     })?;
     Ok(Response { images })

@@ -3,12 +3,11 @@
 //! A camera has the PSFs of one azimuth, which it turns about the axis. Here fields in every direction are traced, for the patches that light up
 //! the window alone.
 
+use petzval_base::Cancel;
 use petzval_base::statistics::{maximum, median, minimum};
-use petzval_camera::develop::LinearIsp;
 use petzval_camera::image::{CHANNELS, LinearImage};
-use petzval_camera::render::{BlendError, PatchKernels, RenderGeometry, Window, render_kernels};
-use petzval_camera::sensor::{Capture, Exposure, Noise, SensorModel, expose};
-use petzval_design::camera::Developed;
+use petzval_camera::render::{BlendError, PatchKernels, RenderGeometry, Window, render_kernels_unless};
+use petzval_camera::sensor::SensorModel;
 use petzval_design::error::DesignError;
 use petzval_design::experiment::PsfConfig;
 use petzval_design::lens::placed_psf::{Place, kernel_of};
@@ -32,14 +31,16 @@ const MOST_CELLS: usize = 1024;
 const CHECKED: [[f64; 2]; 4] = [[0.25, 0.25], [0.25, 0.75], [0.75, 0.25], [0.75, 0.75]];
 
 /// The kernels of the patches that light up a window.
-pub(super) struct Patchwise {
+pub struct Patchwise {
     /// The sensor and its patches.
     pub geometry: RenderGeometry,
     /// Places at which PSFs were traced.
     pub places: usize,
     /// Pupil cells a side.
     pub cells: usize,
-    /// What is to be said of the PSFs.
+    /// Least share of a PSF's light that its grid holds.
+    pub captured: f64,
+    /// What is to be said of the accuracy of the PSFs.
     pub warnings: Vec<(WarningKind, String)>,
     window: Window,
     /// How each patch spreads the light.
@@ -49,7 +50,7 @@ pub(super) struct Patchwise {
 }
 
 /// What lights up a window: the lens, and how its PSFs are traced.
-pub(super) struct Behind<'a> {
+pub struct Behind<'a> {
     pub lens: &'a Lens,
     pub sensor: &'a SensorModel,
     pub psf: &'a PsfConfig,
@@ -111,11 +112,11 @@ impl Behind<'_> {
         let values = kernels.iter().flat_map(|kernel| kernel.values.iter().copied()).collect();
         let light = psfs.iter().flat_map(|psf| psf.illumination.iter().map(|v| *v as f32)).collect();
         let captured = psfs.iter().flat_map(|psf| psf.captured.iter().copied()).fold(1.0, minimum);
-        let lost = self.psf.lost_light(captured, None).map(|text| (WarningKind::LostLight, text));
         Ok(Patchwise {
             places: patches.len(),
             cells: self.plan.quadrature.cells,
-            warnings: lost.into_iter().collect(),
+            captured,
+            warnings: Vec::new(),
             window: self.window,
             light: PatchKernels { radius: 0, patches: patches.clone(), values: light },
             kernels: PatchKernels { radius, patches, values },
@@ -175,31 +176,22 @@ impl Patchwise {
         self.kernels.radius
     }
 
-    /// Takes a scene that covers the window and its border, and develops it as cameras do.
-    pub fn developed(
-        &self,
-        scene: &LinearImage,
-        sensor: &SensorModel,
-        exposure: Exposure,
-        noise: &Noise,
-    ) -> Result<Developed, DesignError> {
+    /// The light of a scene that covers the window and its border on the pixels of the window, and their relative illumination.
+    pub fn light(&self, scene: &LinearImage, cancel: &Cancel) -> Result<[LinearImage; 2], DesignError> {
         let Window { placement, height, width } = self.window;
         // The lens spreads every point by the PSF of its place and dims it.
-        let mut light = render_kernels(&self.geometry, &self.kernels, scene, placement)?;
+        let mut light = render_kernels_unless(cancel, &self.geometry, &self.kernels, scene, placement)?;
         let mut white = LinearImage::zeros(CHANNELS, height, width);
         white.data.fill(1.0);
-        let illumination = render_kernels(&self.geometry, &self.light, &white, placement)?;
+        let illumination = render_kernels_unless(cancel, &self.geometry, &self.light, &white, placement)?;
         light.data.iter_mut().zip(&illumination.data).for_each(|(light, share)| *light *= share);
-        // The sensor turns it into digital numbers, which are developed.
-        let raw = expose(&light, sensor, &Capture { exposure, placement, frame: 0 }, noise)?;
-        let picture = LinearIsp::default().develop(&raw, &illumination, sensor)?;
-        Ok(Developed { raw, illumination, picture })
+        Ok([light, illumination])
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use petzval_camera::render::Placement;
+    use petzval_camera::render::{Placement, render_kernels};
 
     use super::*;
 

@@ -2,15 +2,18 @@
 
 use std::borrow::Cow;
 
+use petzval_base::Cancel;
 use petzval_camera::image::LinearImage;
-use petzval_design::camera::Camera;
+use petzval_design::camera::{Body, Camera};
+use petzval_design::error::DesignError;
 
 use super::frame::Frame;
 use super::highlights::default_white_e;
 use super::memory::InMemory;
 use super::output::Facts;
+use super::patchwise::Patchwise;
 use super::request::{Place, Request, result_name};
-use super::rig::{Rig, check_not_stopped, check_numbers};
+use super::rig::{Rig, Spread, Turned, check_not_stopped, check_numbers};
 use super::shot::{Each, Taken, noise, placed};
 use crate::context::Context;
 use crate::error::Result;
@@ -20,7 +23,23 @@ use crate::event::WarningKind;
 pub struct Photographer {
     request: Request,
     rig: Rig,
-    camera: Camera,
+    taker: Taker,
+}
+
+/// What takes the photographs of a rig.
+enum Taker {
+    Camera(Turned, Box<Camera>),
+    /// Behind a lens without rotational symmetry.
+    ByPatch(Box<Patchwise>, Box<Body>),
+}
+
+impl Taker {
+    fn body(&self) -> &Body {
+        match self {
+            Self::Camera(_, camera) => camera.body(),
+            Self::ByPatch(_, body) => body,
+        }
+    }
 }
 
 /// Photographs by name.
@@ -35,13 +54,20 @@ impl Photographer {
     }
 
     fn traced(request: &Request, memory: InMemory<'_>, context: &Context) -> Result<Self> {
-        let rig = Rig::new(request, memory.psfs, context)?;
+        let (rig, spread) = Rig::for_photographs(request, memory.psfs, context)?;
         let white_e = match request.white_e {
             Some(white_e) => white_e,
             None => default_white_e(request, &rig.sensor)?,
         };
-        let camera = rig.camera(request, rig.sensor.clone(), white_e, rig.isp)?;
-        Ok(Self { request: request.clone(), rig, camera })
+        let body = rig.body(request, rig.sensor.clone(), white_e, rig.isp);
+        let taker = match spread {
+            Spread::Turned(turned) => {
+                let camera = turned.camera(body)?;
+                Taker::Camera(turned, Box::new(camera))
+            }
+            Spread::ByPatch(lens) => Taker::ByPatch(lens, Box::new(body)),
+        };
+        Ok(Self { request: request.clone(), rig, taker })
     }
 
     /// Whether the frames of a request are those of this camera: only images and seed may be others.
@@ -59,8 +85,8 @@ impl Photographer {
     pub fn frames(&self, request: &Request, memory: InMemory<'_>, context: &Context) -> Result<Vec<Frame>> {
         memory.check(request)?;
         let mut frames = Vec::new();
-        self.take(request, &photos(request, memory, context)?, context, &mut |rig, camera, name, taken| {
-            let (frame, warning) = Frame::of(request, rig, camera, name, taken)?;
+        self.take(request, &photos(request, memory, context)?, context, &mut |rig, body, name, taken| {
+            let (frame, warning) = Frame::of(request, rig, body, name, taken)?;
             frames.push(frame);
             Ok((Facts::new(), warning))
         })?;
@@ -75,7 +101,7 @@ impl Photographer {
         context: &Context,
         each: &mut Each<'_>,
     ) -> Result<Vec<Facts>> {
-        let Self { rig, camera, .. } = self;
+        let Self { rig, taker, .. } = self;
         warn_of_small_pictures(request, rig, photos, context);
         let mut written = Vec::new();
         for (frame, (name, photo)) in photos.iter().enumerate() {
@@ -84,28 +110,46 @@ impl Photographer {
             if let Some(note) = request.place.note(photo, rig.frame) {
                 context.note(format!("{name}: {note}"));
             }
-            let (picture, frame) = (placed(request, photo, rig.frame), frame as u64);
-            let taken = match rig.samples {
-                1 if is_taken_in_strips(request, rig) => {
-                    let rows = (PIXELS_OF_A_STRIP / rig.window.width / STRIP_ROWS).max(1) * STRIP_ROWS;
-                    Taken::in_strips(request, rig, camera, &picture, frame, rows)?
-                }
-                1 => {
-                    let shot = rig.shot(&picture, frame)?;
-                    let frames = camera.take(std::slice::from_ref(&shot), &noise(request))?;
-                    Taken::new(&frames, camera.capture(&shot))?
-                }
-                _ => {
-                    let light = rig.light(&picture, context.cancel())?;
-                    Taken::of_light(request, rig, camera, &light, frame)?
-                }
-            };
-            let (facts, warning) = each(rig, camera, name, taken)?;
+            let picture = placed(request, photo, rig.frame);
+            let taken = self.taken(request, &picture, frame as u64, context.cancel())?;
+            let (facts, warning) = each(rig, taker.body(), name, taken)?;
             warning.into_iter().for_each(|warning| context.warning(WarningKind::Saturation, warning));
             written.push(facts);
         }
         context.progress(photos.len() as u64, photos.len() as u64, "");
         Ok(written)
+    }
+
+    /// Takes a picture of [`Rig::frame`].
+    fn taken(
+        &self,
+        request: &Request,
+        picture: &LinearImage,
+        frame: u64,
+        cancel: &Cancel,
+    ) -> Result<Taken, DesignError> {
+        let rig = &self.rig;
+        let (turned, camera) = match &self.taker {
+            Taker::Camera(turned, camera) => (turned, camera.as_ref()),
+            Taker::ByPatch(lens, body) => {
+                return Taken::by_patch(request, rig, (lens, body), picture, frame, cancel);
+            }
+        };
+        match rig.samples {
+            1 if is_taken_in_strips(request, rig) => {
+                let rows = (PIXELS_OF_A_STRIP / rig.window.width / STRIP_ROWS).max(1) * STRIP_ROWS;
+                Taken::in_strips(request, rig, (turned, camera), picture, frame, rows)
+            }
+            1 => {
+                let shot = turned.shot(rig, picture, frame)?;
+                let frames = camera.take(std::slice::from_ref(&shot), &noise(request))?;
+                Taken::new(&frames, camera.capture(&shot))
+            }
+            _ => {
+                let light = turned.light(rig, picture, cancel)?;
+                Taken::of_light(request, rig, camera, &light, frame)
+            }
+        }
     }
 }
 
@@ -171,15 +215,16 @@ mod tests {
         let request = Request { size: Some((200, 72)), ..Request::default() };
         let context = Context::new(crate::built_in_assets(), std::sync::Arc::new(Silent));
         let photographer = Photographer::open(&request, InMemory::default(), &context).unwrap();
-        let Photographer { rig, camera, .. } = &photographer;
+        let Photographer { rig, taker, .. } = &photographer;
+        let Taker::Camera(turned, camera) = taker else { panic!("a lens with rotational symmetry") };
         let (height, width) = rig.frame;
         let value = |i: usize| 0.02 + 0.9 * ((i / 5 * 7919 + i / (3 * width) * 104_729) % 1000) as f32 * 1e-3;
         let data = (0..CHANNELS * height * width).map(value).collect();
         let picture = LinearImage { channels: CHANNELS, height, width, data };
-        let shot = rig.shot(&picture, 3).unwrap();
+        let shot = turned.shot(rig, &picture, 3).unwrap();
         let frames = camera.take(std::slice::from_ref(&shot), &noise(&request)).unwrap();
         let whole = Taken::new(&frames, camera.capture(&shot)).unwrap();
-        let strips = Taken::in_strips(&request, rig, camera, &picture, 3, 64).unwrap();
+        let strips = Taken::in_strips(&request, rig, (turned, camera), &picture, 3, 64).unwrap();
         assert_eq!(strips.raw.capture, whole.raw.capture);
         assert_eq!(strips.illumination, whole.illumination);
         let near = |a: &[f32], b: &[f32], most: f32| {

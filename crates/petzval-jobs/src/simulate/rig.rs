@@ -21,6 +21,7 @@ use petzval_optics::lens::Lens;
 use petzval_optics::psf::PerfectImage;
 
 use super::highlights::capacity_e;
+use super::patchwise::{self, Patchwise};
 use super::request::Request;
 use crate::context::Context;
 use crate::error::{JobError, Result};
@@ -43,8 +44,6 @@ pub struct Rig {
     pub sensor: SensorModel,
     /// The pixels that are read.
     pub window: Window,
-    /// Light that the PSFs need from outside the window, pixels.
-    border: usize,
     /// Where the points of a scene land, if its distortion is rendered.
     pub distortion: Option<Distortion>,
     /// Samples of a scene along a side of a pixel.
@@ -53,11 +52,33 @@ pub struct Rig {
     pub frame: (usize, usize),
     /// Development without a colour matrix.
     pub isp: LinearIsp,
-    psfs: Arc<Psfs>,
     /// The image signal processor whose picture is wanted, too.
     pub chip: Option<NamedIsp>,
-    /// The lens and how its PSFs are traced; none behind given PSFs.
+    /// The lens and how its PSFs are traced; none behind given PSFs, and behind a lens without rotational symmetry.
     pub traced: Option<(Lens, PsfPlan)>,
+}
+
+/// What spreads the light of photographs.
+pub enum Spread {
+    /// PSFs of one azimuth.
+    Turned(Turned),
+    /// Those of the place of each patch, behind a lens without rotational symmetry.
+    ByPatch(Box<Patchwise>),
+}
+
+/// PSFs of one azimuth, which are turned about the axis.
+pub struct Turned {
+    psfs: Arc<Psfs>,
+    /// Light that they need from outside the window, pixels.
+    border: usize,
+}
+
+/// What of a rig does not depend on its optics. Every setting is checked.
+struct Checked {
+    sensor: SensorModel,
+    window: Window,
+    samples: usize,
+    chip: Option<NamedIsp>,
 }
 
 /// The warning of PSFs on so many pupil cells a side whose error is `error`; `None` if they are as accurate as scores need.
@@ -85,9 +106,8 @@ pub(super) fn coarse_patches(
     })
 }
 
-impl Rig {
-    /// The rig of a request, with PSFs in place of those of its lens if there are any; every setting is checked before a lens is traced.
-    pub fn new(request: &Request, in_memory: Option<&PsfBank>, context: &Context) -> Result<Self> {
+impl Checked {
+    fn new(request: &Request, context: &Context) -> Result<Self> {
         let sensor = request.sensor.read(&context.assets)?;
         if sensor.height.saturating_mul(sensor.width) > MOST_PIXELS {
             return Err(JobError::input(
@@ -131,6 +151,110 @@ impl Rig {
         })?;
         rehearse(request, &sensor)?;
         let window = window(request, &sensor)?;
+        Ok(Self { sensor, window, samples, chip })
+    }
+}
+
+/// Development without a colour matrix.
+fn isp_of(request: &Request) -> LinearIsp {
+    LinearIsp { interpolation: request.development, ..LinearIsp::default() }
+}
+
+/// Says how much of the light the grid of the PSFs cuts off, if it does. Refuses a lens out of focus of which less than half is left.
+fn report_light(
+    request: &Request,
+    psf: &PsfConfig,
+    captured: f64,
+    lens: Option<&Lens>,
+    context: &Context,
+) -> Result<()> {
+    let Some(lost) = psf.lost_light(captured, None) else { return Ok(()) };
+    // A defocus is the usual cause, and no larger grid mends it.
+    let name = request.lens.to_string();
+    let elsewhere = lens.and_then(|lens| focus_elsewhere(&name, lens));
+    // In focus the light may be lost at the rim of a wide field alone.
+    if let Some(hint) = elsewhere.as_ref().filter(|_| captured < LEAST_IMAGE) {
+        let message = format!("{name}: {lost}; from less than half, this is no picture of the lens");
+        return Err(JobError::input(message, hint.clone()));
+    }
+    context.warning(WarningKind::LostLight, lost);
+    if let Some(elsewhere) = elsewhere {
+        context.warning(WarningKind::OutOfFocus, format!("{name}: {elsewhere}"));
+    }
+    Ok(())
+}
+
+impl Rig {
+    /// The rig of a request, with PSFs in place of those of its lens if there are any; every setting is checked before a lens is
+    /// traced. Refuses a lens without rotational symmetry.
+    pub fn new(request: &Request, in_memory: Option<&PsfBank>, context: &Context) -> Result<(Self, Turned)> {
+        Self::turned(request, in_memory, Checked::new(request, context)?, context)
+    }
+
+    /// [`Rig::new`] for photographs in three colours, which any lens takes.
+    pub fn for_photographs(
+        request: &Request,
+        in_memory: Option<&PsfBank>,
+        context: &Context,
+    ) -> Result<(Self, Spread)> {
+        let checked = Checked::new(request, context)?;
+        if in_memory.is_none() && request.psfs.is_none() {
+            let lens = request.lens.read(&context.assets)?.lens;
+            if !lens.is_rotationally_symmetric() {
+                let (rig, made) = Self::by_patch(request, &lens, checked, context)?;
+                return Ok((rig, Spread::ByPatch(Box::new(made))));
+            }
+        }
+        let (rig, turned) = Self::turned(request, in_memory, checked, context)?;
+        Ok((rig, Spread::Turned(turned)))
+    }
+
+    /// Behind a lens without rotational symmetry. Its distortion is not rendered: it differs between azimuths.
+    fn by_patch(
+        request: &Request,
+        lens: &Lens,
+        checked: Checked,
+        context: &Context,
+    ) -> Result<(Self, Patchwise)> {
+        let Checked { sensor, window, samples, chip } = checked;
+        let without = "a lens without rotational symmetry is simulated without it";
+        if samples > 1 {
+            return Err(JobError::setting("samples", samples, without, "leave it out, or take 1"));
+        }
+        if request.restore.is_some() {
+            return Err(JobError::setting("restore", "on", without, "leave it out"));
+        }
+        let psf = PsfConfig::default();
+        let plan = psf.plan(&sensor, psf.scoring_pupil_cells)?;
+        let made = patchwise::Behind { lens, sensor: &sensor, psf: &psf, plan, window }.exact(context)?;
+        context.note(format!(
+            "a lens without rotational symmetry: PSFs are traced at {} places, and straight lines stay straight",
+            made.places
+        ));
+        report_light(request, &psf, made.captured, Some(lens), context)?;
+        made.warnings.iter().for_each(|(kind, text)| context.warning(*kind, text));
+        let rig = Self {
+            geometry: made.geometry.clone(),
+            window,
+            distortion: None,
+            samples,
+            frame: (sensor.height, sensor.width),
+            isp: isp_of(request),
+            chip,
+            traced: None,
+            sensor,
+        };
+        Ok((rig, made))
+    }
+
+    /// With PSFs that are turned about the axis.
+    fn turned(
+        request: &Request,
+        in_memory: Option<&PsfBank>,
+        checked: Checked,
+        context: &Context,
+    ) -> Result<(Self, Turned)> {
+        let Checked { sensor, window, samples, chip } = checked;
         // As cameras are scored: fields, wavelengths, grids and patches of an experiment by default.
         let psf = PsfConfig::default();
         let coarse = psf.geometry(&sensor);
@@ -160,21 +284,13 @@ impl Rig {
             }
         };
         let psfs = Arc::new(source.psfs()?);
-        let captured = psfs.captured().unwrap_or(1.0);
-        if let Some(lost) = psf.lost_light(captured, None) {
-            // A defocus is the usual cause, and no larger grid mends it.
-            let name = request.lens.to_string();
-            let elsewhere = traced.as_ref().and_then(|(lens, _)| focus_elsewhere(&name, lens));
-            // In focus the light may be lost at the rim of a wide field alone.
-            if let Some(hint) = elsewhere.as_ref().filter(|_| captured < LEAST_IMAGE) {
-                let message = format!("{name}: {lost}; from less than half, this is no picture of the lens");
-                return Err(JobError::input(message, hint.clone()));
-            }
-            context.warning(WarningKind::LostLight, lost);
-            if let Some(elsewhere) = elsewhere {
-                context.warning(WarningKind::OutOfFocus, format!("{name}: {elsewhere}"));
-            }
-        }
+        report_light(
+            request,
+            &psf,
+            psfs.captured().unwrap_or(1.0),
+            traced.as_ref().map(|(lens, _)| lens),
+            context,
+        )?;
         let (geometry, blend) =
             with_patches_for(&coarse, psfs.bank(), psf.scoring_blend_error).map_err(DesignError::from)?;
         if let Some((kind, text)) = coarse_patches(&psf, &geometry, &blend) {
@@ -200,22 +316,17 @@ impl Rig {
                 ),
             ));
         }
-        let isp = LinearIsp { interpolation: request.development, ..LinearIsp::default() };
-        Ok(Self { geometry, sensor, window, border, distortion, samples, frame, isp, chip, psfs, traced })
+        let isp = isp_of(request);
+        let rig = Self { geometry, sensor, window, distortion, samples, frame, isp, chip, traced };
+        Ok((rig, Turned { psfs, border }))
     }
 
-    /// A camera of these PSFs with a sensor, at the exposure of the request where white gives `white_e` electrons.
-    pub fn camera(
-        &self,
-        request: &Request,
-        sensor: SensorModel,
-        white_e: f32,
-        isp: LinearIsp,
-    ) -> Result<Camera, DesignError> {
+    /// A camera with a sensor, without its optics, at the exposure of the request where white gives `white_e` electrons.
+    pub fn body(&self, request: &Request, sensor: SensorModel, white_e: f32, isp: LinearIsp) -> Body {
         let exposure = Exposure { white_e, time_s: request.time_s, linear_gain: request.gain };
         let (geometry, device) = (self.geometry.clone(), Device::flex());
         let restoration = request.restore.as_ref().map(|restore| restore.filter(&sensor, &exposure));
-        let body = Body {
+        Body {
             sensor,
             geometry,
             exposure,
@@ -225,25 +336,42 @@ impl Rig {
             restoration,
             chip: None,
             device,
-        };
+        }
+    }
+}
+
+impl Turned {
+    /// A camera of a body with these PSFs.
+    pub fn camera(&self, body: Body) -> Result<Camera, DesignError> {
         Camera::new(Arc::new(body), self.psfs.clone())
     }
 
     /// The light of a picture of [`Rig::frame`] on the pixels of the window.
-    pub fn light(&self, picture: &LinearImage, cancel: &Cancel) -> Result<LinearImage, DesignError> {
-        let (bank, distortion) = (self.psfs.bank(), self.distortion.as_ref());
-        Ok(light_on_pixels(&self.geometry, bank, picture, distortion, &self.window, self.samples, cancel)?)
+    pub fn light(
+        &self,
+        rig: &Rig,
+        picture: &LinearImage,
+        cancel: &Cancel,
+    ) -> Result<LinearImage, DesignError> {
+        let (bank, distortion) = (self.psfs.bank(), rig.distortion.as_ref());
+        Ok(light_on_pixels(&rig.geometry, bank, picture, distortion, &rig.window, rig.samples, cancel)?)
     }
 
     /// A picture of [`Rig::frame`], of one sample a pixel, as a shot of the window.
-    pub fn shot(&self, picture: &LinearImage, frame: u64) -> Result<Shot, DesignError> {
-        self.shot_of(picture, &self.window, frame)
+    pub fn shot(&self, rig: &Rig, picture: &LinearImage, frame: u64) -> Result<Shot, DesignError> {
+        self.shot_of(rig, picture, &rig.window, frame)
     }
 
     /// The same of another window of the sensor.
-    pub fn shot_of(&self, picture: &LinearImage, window: &Window, frame: u64) -> Result<Shot, DesignError> {
-        let scene = match &self.distortion {
-            Some(distortion) => distortion.project(&self.geometry, picture, window, self.border)?,
+    pub fn shot_of(
+        &self,
+        rig: &Rig,
+        picture: &LinearImage,
+        window: &Window,
+        frame: u64,
+    ) -> Result<Shot, DesignError> {
+        let scene = match &rig.distortion {
+            Some(distortion) => distortion.project(&rig.geometry, picture, window, self.border)?,
             None => window.scene(picture, self.border),
         };
         Ok(Shot {

@@ -1,15 +1,17 @@
 //! One shot: the frame that the camera takes, and what is developed from it.
 
+use petzval_base::Cancel;
 use petzval_camera::image::{CHANNELS, LinearImage};
 use petzval_camera::render::{Placement, Window};
-use petzval_camera::sensor::{Capture, Noise, NoiseMode, Raw};
+use petzval_camera::sensor::{Capture, Noise, NoiseMode, Raw, expose};
 use petzval_camera::tape::Frames;
-use petzval_design::camera::{Camera, Shot, host_image, to_host};
+use petzval_design::camera::{Body, Camera, Shot, host_image, to_host};
 use petzval_design::error::DesignError;
 
 use super::output::Facts;
+use super::patchwise::Patchwise;
 use super::request::Request;
-use super::rig::Rig;
+use super::rig::{Rig, Turned};
 use crate::error::Result;
 
 /// Rows above and below a strip that are exposed and developed with it. No demosaicing reads as far; it is a multiple of every filter array.
@@ -42,7 +44,7 @@ pub struct Taken {
 }
 
 /// What happens to each frame: called with what took it and with the name of its image, returns facts about it and a warning.
-pub type Each<'a> = dyn FnMut(&Rig, &Camera, &str, Taken) -> Result<(Facts, Option<String>)> + 'a;
+pub type Each<'a> = dyn FnMut(&Rig, &Body, &str, Taken) -> Result<(Facts, Option<String>)> + 'a;
 
 impl Taken {
     /// The first frame of a camera's shots, copied from the device. Its picture is the restored one where the camera restores.
@@ -64,7 +66,7 @@ impl Taken {
     pub fn in_strips(
         request: &Request,
         rig: &Rig,
-        camera: &Camera,
+        (turned, camera): (&Turned, &Camera),
         picture: &LinearImage,
         frame: u64,
         rows: usize,
@@ -82,7 +84,7 @@ impl Taken {
             let at = |row: usize| Placement { row: placement.row + row, ..placement };
             let exposed = Window { placement: at(from), height: to - from, width };
             let kept = Window { placement: at(first), height: end - first, width };
-            let shot = Shot { kept: Some(kept), ..rig.shot_of(picture, &exposed, frame)? };
+            let shot = Shot { kept: Some(kept), ..turned.shot_of(rig, picture, &exposed, frame)? };
             let taken = Self::new(&camera.take(&[shot], &noise(request))?, capture)?;
             let strip = first * width..end * width;
             whole.raw.dn[strip.clone()].copy_from_slice(&taken.raw.dn);
@@ -97,6 +99,22 @@ impl Taken {
             }
         }
         Ok(whole)
+    }
+
+    /// The frame of a picture of the rig behind a lens without rotational symmetry.
+    pub fn by_patch(
+        request: &Request,
+        rig: &Rig,
+        (lens, body): (&Patchwise, &Body),
+        picture: &LinearImage,
+        frame: u64,
+        cancel: &Cancel,
+    ) -> Result<Self, DesignError> {
+        let [irradiance, illumination] = lens.light(&rig.window.scene(picture, lens.border()), cancel)?;
+        let capture = Capture { exposure: body.exposure, placement: rig.window.placement, frame };
+        let raw = expose(&irradiance, &body.sensor, &capture, &noise(request))?;
+        let developed = body.isp.develop(&raw, &illumination, &body.sensor)?;
+        Ok(Self { irradiance, raw, developed, unrestored: None, illumination })
     }
 
     /// The raw frame, and the relative illumination of its pixels.

@@ -22,7 +22,7 @@ use super::highlights::default_white_e;
 use super::memory::InMemory;
 use super::output::Facts;
 use super::request::{Kind, Request, kind, result_name, scene_name};
-use super::rig::{Rig, check_not_stopped, check_numbers};
+use super::rig::{Rig, Turned, check_not_stopped, check_numbers};
 use super::shot::{Each, Taken, placed};
 use crate::context::Context;
 use crate::error::{JobError, Result};
@@ -36,7 +36,7 @@ pub fn run(
     each: &mut Each<'_>,
 ) -> Result<Vec<Facts>> {
     check(request)?;
-    let mut rig = Rig::new(request, memory.psfs, context)?;
+    let (mut rig, turned) = Rig::new(request, memory.psfs, context)?;
     let mut conditions = Conditions::new(request, &mut rig, context)?;
     let mut shared = Light::over_all(request, &conditions, &rig)?;
     if let Some(white_e) = request.white_e {
@@ -73,10 +73,10 @@ pub fn run(
         }
         let name = result_name(path);
         let frame = frame as u64;
-        let electrons = electrons(request, &rig, &conditions, light, &opened, &name, context)
+        let electrons = electrons(request, (&rig, &turned), &conditions, light, &opened, &name, context)
             .map_err(|error| named(path, error))?;
-        let (camera, taken) = take(request, &rig, light, &electrons, frame)?;
-        let (mut facts, warning) = each(&rig, &camera, &name, taken)?;
+        let (camera, taken) = take(request, (&rig, &turned), light, &electrons, frame)?;
+        let (mut facts, warning) = each(&rig, camera.body(), &name, taken)?;
         warning.into_iter().for_each(|warning| context.warning(WarningKind::Saturation, warning));
         facts.extend(light.facts(request, &conditions));
         written.push(facts);
@@ -92,7 +92,7 @@ pub fn run(
 /// The electrons of an opened scene.
 fn electrons(
     request: &Request,
-    rig: &Rig,
+    (rig, turned): (&Rig, &Turned),
     conditions: &Conditions,
     light: &Light,
     opened: &Opened,
@@ -103,7 +103,7 @@ fn electrons(
         Opened::Bands(scene) => over_bands(request, rig, conditions, light, scene, name, context),
         // The matrix is the integral over the spectrum, only the PSFs are those of three wavelengths.
         Opened::ThreeBands(photo) => {
-            Ok(ColourElectrons::of_rgb(&rig.light(photo, context.cancel())?, &light.white))
+            Ok(ColourElectrons::of_rgb(&turned.light(rig, photo, context.cancel())?, &light.white))
         }
     }
 }
@@ -111,7 +111,7 @@ fn electrons(
 /// A frame of these electrons, by a camera that is balanced for the light.
 fn take(
     request: &Request,
-    rig: &Rig,
+    (rig, turned): (&Rig, &Turned),
     light: &Light,
     electrons: &ColourElectrons,
     frame: u64,
@@ -120,7 +120,7 @@ fn take(
     let matrix = light.matrix.as_ref().filter(|_| !request.spectral.no_colour_matrix);
     // The sensor balanced for this light, and the matrix fitted to it.
     let isp = LinearIsp { colour_matrix: matrix.map(|m| m.matrix), ..rig.isp };
-    let camera = rig.camera(request, light.sensor.clone(), white_e as f32, isp)?;
+    let camera = turned.camera(rig.body(request, light.sensor.clone(), white_e as f32, isp))?;
     let on_pixels = electrons.as_light(&light.sensor, white_e, rig.window.placement);
     let taken = Taken::of_light(request, rig, &camera, &on_pixels, frame)?;
     Ok((camera, taken))
@@ -147,7 +147,7 @@ pub fn scene_frame(
     context: &Context,
 ) -> Result<SceneFrame> {
     check_numbers(request)?;
-    let mut rig = Rig::new(request, None, context)?;
+    let (mut rig, turned) = Rig::new(request, None, context)?;
     let mut conditions = Conditions::new(request, &mut rig, context)?;
     let mut light = Light::over_all(request, &conditions, &rig)?;
     let white_e = match (request.white_e, request.spectral.illuminance_lux) {
@@ -164,8 +164,8 @@ pub fn scene_frame(
     let (illuminant, lux) = (&conditions.illuminant, conditions.lux);
     let scene = draw(rig.sensor.height * rig.samples, rig.sensor.width * rig.samples);
     let opened = Opened::Bands(SpectralScene::surfaces_as_points(scene, illuminant, lux, &light.band_um));
-    let electrons = electrons(request, &rig, &conditions, &light, &opened, "chart", context)?;
-    let (camera, taken) = take(request, &rig, &light, &electrons, 0)?;
+    let electrons = electrons(request, (&rig, &turned), &conditions, &light, &opened, "chart", context)?;
+    let (camera, taken) = take(request, (&rig, &turned), &light, &electrons, 0)?;
     let body = camera.body();
     let frame = chip::frame(&rig, &body.sensor, taken.for_chip(), body.isp.colour_matrix)?;
     let white_e = light.white.white_e();

@@ -2,7 +2,7 @@
 //!
 //! The exact picture is the one that `simulate` takes of light on the image plane: its PSFs are traced at as many fields, with as many rays and
 //! blended between as many patches as a score needs. The quick one takes few fields, few rays and few patches. Behind a lens without rotational
-//! symmetry, which `simulate` refuses, each patch in the window has the PSF of its own place.
+//! symmetry each patch in the window has the PSF of its own place.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -13,7 +13,7 @@ use petzval_camera::develop::{LinearIsp, saturated_share};
 use petzval_camera::image::{CHANNELS, LinearImage, display_bytes, spread, srgb_decode};
 use petzval_camera::isp::{Mesh, RawInput};
 use petzval_camera::render::{Placement, RenderGeometry, Window, kernel_radius, with_patches_for};
-use petzval_camera::sensor::{Colour, Exposure, Noise, Raw, SensorModel};
+use petzval_camera::sensor::{Capture, Colour, Exposure, Noise, Raw, SensorModel, expose};
 use petzval_camera::spectral::{Illuminant, SceneKind, apply, d65_white, xyz_of_reflectance};
 use petzval_design::camera::{Body, Camera, Developed, Labels, PsfSource, Psfs, Shot};
 use petzval_design::error::DesignError;
@@ -306,9 +306,15 @@ impl Behind<'_> {
                 patchwise::Behind { lens, sensor, psf: &psf, plan, window }.exact(context)
             }
         })?;
+        let lost = PsfConfig::default().lost_light(kept.captured, None);
+        lost.into_iter().for_each(|text| context.warning(WarningKind::LostLight, text));
         kept.warnings.iter().for_each(|(kind, text)| context.warning(*kind, text.clone()));
         let (scene, enlarged) = scene(&request.photo, &window, kept.border(), sensor, context)?;
-        let taken = kept.developed(&scene, sensor, exposure, noise)?;
+        let [light, illumination] = kept.light(&scene, context.cancel())?;
+        let capture = Capture { exposure, placement: window.placement, frame: 0 };
+        let raw = expose(&light, sensor, &capture, noise).map_err(DesignError::from)?;
+        let picture = LinearIsp::default().develop(&raw, &illumination, sensor).map_err(DesignError::from)?;
+        let taken = Developed { raw, illumination, picture };
         let (fields, cells) = (kept.places, kept.cells);
         Ok(Looked { taken, geometry: kept.geometry.clone(), fields, cells, enlarged })
     }

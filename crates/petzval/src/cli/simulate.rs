@@ -59,6 +59,9 @@ struct SpectralArgs {
 /// The flat scene is a perfect diffuser. Edge and star have the reflectances of the white and the black patch of a
 /// ColorChecker, 0.89 and 0.03 at 550 nm: black is a dark gray.
 ///
+/// Through a lens without rotational symmetry photographs are taken in three colours: each patch of the sensor has the PSF of its own place, and
+/// distortion is not rendered.
+///
 /// Highlights end in neutral white at the level at which white light saturates the first colour. White of a PNG is the
 /// white of the scene, or the end of the highlights if that is lower; the linear light of EXR and NPY always has white
 /// at 1.

@@ -128,6 +128,63 @@ fn light_beyond_the_psf_grid_of_a_lens_out_of_focus_has_its_reason() {
     assert!(!folder.path().join("far").exists());
 }
 
+/// Each patch has the PSF of its own place.
+#[test]
+fn a_lens_without_symmetry_takes_photographs() {
+    let folder = tempfile::tempdir().unwrap();
+    let small = read(&data("sensors/imx249-fitted.toml"))
+        .replace("width = 1920", "width = 160")
+        .replace("height = 1200", "height = 120");
+    std::fs::write(folder.path().join("small.toml"), small).unwrap();
+    let lens = read(&data("lenses/cooke-triplet-nominal.toml"));
+    let gap = "thickness_mm = 8.11\n";
+    for (name, placement) in
+        [("hardly", "tilt_deg = [1e-9, 0.0, 0.0]"), ("off", "decenter_mm = [0.07, 0.07]")]
+    {
+        let placed =
+            lens.replacen(gap, &format!("placement = {{ {placement}, axis = \"returns\" }}\n{gap}"), 1);
+        assert_ne!(placed, lens);
+        std::fs::write(folder.path().join(format!("{name}.toml")), placed).unwrap();
+    }
+    let photo = data("photos/coffee.png").display().to_string();
+    let args = |lens: &str, out: &str| -> Vec<String> {
+        let words = [
+            "simulate",
+            &photo,
+            "--sensor",
+            "small.toml",
+            "--picture-format",
+            "png16",
+            "--no-noise",
+            "--no-distortion",
+        ];
+        let words = words.iter().map(|word| (*word).to_owned());
+        words.chain(["--lens".to_owned(), lens.to_owned(), "--out".to_owned(), out.to_owned()]).collect()
+    };
+    let take = |lens: &str, out: &str| {
+        let args = args(lens, out);
+        let taken = run_ok(folder.path(), &args.iter().map(String::as_str).collect::<Vec<_>>());
+        (developed16(&folder.path().join(out).join("coffee-developed.png")), taken)
+    };
+    let rms = |a: &[[f64; 3]], b: &[[f64; 3]]| {
+        let square = |(a, b): (&[f64; 3], &[f64; 3])| (0..3).map(|c| (a[c] - b[c]).powi(2)).sum::<f64>();
+        (a.iter().zip(b).map(square).sum::<f64>() / (3 * a.len()) as f64).sqrt()
+    };
+    // A tilt of a billionth of a degree leaves the picture of the symmetric lens.
+    let ((symmetric, _), (hardly, said)) = (take("cooke-triplet-nominal", "a"), take("hardly.toml", "b"));
+    assert!(said.says("PSFs are traced at"), "{}", said.stderr);
+    assert!(rms(&symmetric, &hardly) < 1.5 / 255.0, "{}", rms(&symmetric, &hardly));
+    let (off, _) = take("off.toml", "c");
+    assert!(rms(&symmetric, &off) > 3.0 / 255.0, "{}", rms(&symmetric, &off));
+    // What turns PSFs about the axis is refused by name.
+    for (more, needle) in [(&["--restore"][..], "--restore"), (&["--samples", "2"], "--samples 2")] {
+        let args = args("off.toml", "d");
+        let args: Vec<&str> = args.iter().map(String::as_str).chain(more.iter().copied()).collect();
+        run_fails(folder.path(), &args, 2, &[needle, "a lens without rotational symmetry"]);
+    }
+    assert!(!folder.path().join("d").exists());
+}
+
 #[test]
 fn a_result_that_cannot_be_written_leaves_no_others() {
     let folder = tempfile::tempdir().unwrap();
