@@ -112,6 +112,15 @@ impl Psfs {
         }
     }
 
+    /// The same at the field that loses least.
+    pub fn most_captured(&self) -> Option<f64> {
+        match &self.kind {
+            Kind::Traced { traced, .. } => Some(traced.most_captured()),
+            Kind::Given { .. } => Some(1.0),
+            Kind::Proxy { .. } => None,
+        }
+    }
+
     /// Share of the fields whose PSFs are by rays although those of their plan are by waves.
     pub fn by_rays(&self) -> f64 {
         match &self.kind {

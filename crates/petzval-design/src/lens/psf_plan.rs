@@ -122,11 +122,18 @@ impl BankWithTape {
 
     /// The same, with the field where it is least, rad; a share that is no number is the least of all.
     pub fn least_captured(&self) -> (f64, f64) {
-        let of_field = |(psf, _): &(FieldPsf, Option<PsfTape>)| {
-            (psf.captured.iter().copied().fold(1.0, minimum), psf.field_rad)
-        };
         let least = |a: (f64, f64), b: (f64, f64)| if b.0.is_nan() || b.0 < a.0 { b } else { a };
-        self.fields.iter().map(of_field).fold((1.0, 0.0), least)
+        self.captured_by_field().fold((1.0, 0.0), least)
+    }
+
+    /// The least share over the colours at the field where it is largest.
+    pub fn most_captured(&self) -> f64 {
+        self.captured_by_field().map(|(captured, _)| captured).fold(0.0, maximum)
+    }
+
+    /// The least share over the colours of each field, rad.
+    fn captured_by_field(&self) -> impl Iterator<Item = (f64, f64)> {
+        self.fields.iter().map(|(psf, _)| (psf.captured.iter().copied().fold(1.0, minimum), psf.field_rad))
     }
 
     /// Of each field, whether its PSFs are by rays in whole or in part.

@@ -38,8 +38,8 @@ pub struct Patchwise {
     pub places: usize,
     /// Pupil cells a side.
     pub cells: usize,
-    /// Least share of a PSF's light that its grid holds.
-    pub captured: f64,
+    /// Shares of a PSF's light that its grid holds, at the places that lose most and least.
+    pub captured: [f64; 2],
     /// What is to be said of the accuracy of the PSFs.
     pub warnings: Vec<(WarningKind, String)>,
     window: Window,
@@ -111,7 +111,10 @@ impl Behind<'_> {
         let radius = kernels.first().map_or(0, |kernel| kernel.radius);
         let values = kernels.iter().flat_map(|kernel| kernel.values.iter().copied()).collect();
         let light = psfs.iter().flat_map(|psf| psf.illumination.iter().map(|v| *v as f32)).collect();
-        let captured = psfs.iter().flat_map(|psf| psf.captured.iter().copied()).fold(1.0, minimum);
+        let of_place = |psf: &FieldPsf| psf.captured.iter().copied().fold(1.0, minimum);
+        let captured: Vec<f64> = psfs.iter().map(of_place).collect();
+        let captured =
+            [captured.iter().copied().fold(1.0, minimum), captured.iter().copied().fold(0.0, maximum)];
         Ok(Patchwise {
             places: patches.len(),
             cells: self.plan.quadrature.cells,

@@ -160,22 +160,27 @@ fn isp_of(request: &Request) -> LinearIsp {
     LinearIsp { interpolation: request.development, ..LinearIsp::default() }
 }
 
-/// Says how much of the light the grid of the PSFs cuts off, if it does. Refuses a lens out of focus of which less than half is left.
+/// Says how much of the light the grid of the PSFs cuts off, if it does. Refuses a lens without an image, and one out of focus, of which less
+/// than half is left. `least` and `most` are the shares of the fields that lose most and least.
 fn report_light(
     request: &Request,
     psf: &PsfConfig,
-    captured: f64,
+    [least, most]: [f64; 2],
     lens: Option<&Lens>,
     context: &Context,
 ) -> Result<()> {
-    let Some(lost) = psf.lost_light(captured, None) else { return Ok(()) };
+    let Some(lost) = psf.lost_light(least, None) else { return Ok(()) };
     // A defocus is the usual cause, and no larger grid mends it.
     let name = request.lens.to_string();
     let elsewhere = lens.and_then(|lens| focus_elsewhere(&name, lens));
     // In focus the light may be lost at the rim of a wide field alone.
-    if let Some(hint) = elsewhere.as_ref().filter(|_| captured < LEAST_IMAGE) {
+    if let Some(hint) = elsewhere.as_ref().filter(|_| least < LEAST_IMAGE) {
         let message = format!("{name}: {lost}; from less than half, this is no picture of the lens");
         return Err(JobError::input(message, hint.clone()));
+    }
+    if most < LEAST_IMAGE {
+        let message = format!("{name}: {lost}, and more than half everywhere: the lens forms no image there");
+        return Err(JobError::input(message, "take a lens that images points to points on its image plane"));
     }
     context.warning(WarningKind::LostLight, lost);
     if let Some(elsewhere) = elsewhere {
@@ -284,13 +289,8 @@ impl Rig {
             }
         };
         let psfs = Arc::new(source.psfs()?);
-        report_light(
-            request,
-            &psf,
-            psfs.captured().unwrap_or(1.0),
-            traced.as_ref().map(|(lens, _)| lens),
-            context,
-        )?;
+        let captured = [psfs.captured(), psfs.most_captured()].map(|share| share.unwrap_or(1.0));
+        report_light(request, &psf, captured, traced.as_ref().map(|(lens, _)| lens), context)?;
         let (geometry, blend) =
             with_patches_for(&coarse, psfs.bank(), psf.scoring_blend_error).map_err(DesignError::from)?;
         if let Some((kind, text)) = coarse_patches(&psf, &geometry, &blend) {

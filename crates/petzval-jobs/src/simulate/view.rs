@@ -306,7 +306,7 @@ impl Behind<'_> {
                 patchwise::Behind { lens, sensor, psf: &psf, plan, window }.exact(context)
             }
         })?;
-        let lost = PsfConfig::default().lost_light(kept.captured, None);
+        let lost = PsfConfig::default().lost_light(kept.captured[0], None);
         lost.into_iter().for_each(|text| context.warning(WarningKind::LostLight, text));
         kept.warnings.iter().for_each(|(kind, text)| context.warning(*kind, text.clone()));
         let (scene, enlarged) = scene(&request.photo, &window, kept.border(), sensor, context)?;

@@ -101,6 +101,27 @@ fn what_cannot_be_read_is_named_and_nothing_is_written() {
     }
 }
 
+/// A thin lens that spreads light.
+const DIVERGING: &str = r#"
+name = "diverging"
+units = "mm"
+[aperture]
+entrance_pupil_diameter_mm = 5.0
+[object]
+distance_mm = inf
+[wavelengths]
+um = [0.55]
+reference_um = 0.55
+[fields]
+angle_deg = [0.0]
+[[surface]]
+stop = true
+radius_mm = inf
+thin_lens = { focal_length_mm = -50.0 }
+thickness_mm = 50.0
+semi_diameter_mm = 3.0
+"#;
+
 #[test]
 fn light_beyond_the_psf_grid_of_a_lens_out_of_focus_has_its_reason() {
     let folder = tempfile::tempdir().unwrap();
@@ -125,6 +146,12 @@ fn light_beyond_the_psf_grid_of_a_lens_out_of_focus_has_its_reason() {
         2,
         &["far.toml: the PSF grid", "no picture of the lens", "`petzval lens focus far.toml"],
     );
+    assert!(!folder.path().join("far").exists());
+    // A lens that forms no image has no picture, wherever its image plane lies.
+    std::fs::write(folder.path().join("diverging.toml"), DIVERGING).unwrap();
+    let diverging =
+        ["simulate", photo.as_str(), "--lens", "diverging.toml", "--sensor", "small.toml", "--out", "far"];
+    run_fails(folder.path(), &diverging, 2, &["diverging.toml: the PSF grid", "forms no image there"]);
     assert!(!folder.path().join("far").exists());
 }
 
