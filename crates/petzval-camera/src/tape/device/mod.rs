@@ -19,8 +19,6 @@ use burn_cubecl::kernel::into_contiguous;
 use burn_cubecl::ops::numeric::empty_device_contiguous_dtype;
 use burn_cubecl::tensor::CubeTensor;
 
-pub use super::kernel::is_served;
-
 /// The tensor of a device as it lies in memory; none of other devices, or with a tape.
 pub fn tensor_of(tensor: &DispatchTensor) -> Option<CubeTensor> {
     <DispatchTensor as DispatchKindConversion<Cube>>::try_into_backend(tensor.clone()).ok().map(|t| t.float())
