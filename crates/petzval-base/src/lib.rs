@@ -3,6 +3,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`FileError`] | an error in a file: line, key, value, and a hint |
+//! | [`IoError`], [`InFile`] | an error of the system, or in the text of a file, with the path |
 //! | [`reason_and_hint`] | the parts of an error that is one text |
 //! | [`Cancel`] | the flag that stops long work |
 //! | [`Tally`] | how much of parallel work is done, reported in ascending order |
@@ -20,6 +21,7 @@
 //! | [`table`] | the interval of an ascending table around a value, and what lies between its entries |
 //! | [`statistics`] | the median; minimum and maximum that pass on what is no number |
 
+mod at_path;
 mod cancel;
 mod counted;
 mod csv_text;
@@ -36,6 +38,7 @@ pub mod table;
 mod tally;
 mod whole_file;
 
+pub use at_path::{InFile, IoError};
 pub use cancel::{Cancel, Cancelled};
 pub use counted::counted;
 pub use csv_text::{csv_number, csv_text};

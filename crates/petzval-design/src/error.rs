@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use petzval_base::{Cancelled, FileError};
+use petzval_base::{Cancelled, FileError, InFile, IoError};
 use petzval_camera::image::ShapeError;
 use petzval_camera::isp::IspError;
 use petzval_camera::render::RenderError;
@@ -303,8 +303,8 @@ fn what_to_try(rate: Option<(&'static str, f64)>, config: &Path) -> String {
 impl From<PsfFileError> for DesignError {
     fn from(error: PsfFileError) -> Self {
         match error {
-            PsfFileError::File { path, error } => Self::Input { path, error },
-            PsfFileError::Io { path, error } => Self::Io { path, error },
+            PsfFileError::File(InFile { path, error }) => Self::Input { path, error },
+            PsfFileError::Io(IoError { path, source: error }) => Self::Io { path, error },
         }
     }
 }

@@ -80,8 +80,8 @@ pub(super) fn degrees(rad: f64) -> (f64, bool) {
     exact_degrees(rad).map_or((rad.to_degrees(), false), |deg| (deg, true))
 }
 
-/// Object heights, mm, from which a reader computes the field angles of the lens; and whether all angles are exact.
-pub(super) fn object_heights(lens: &Lens, distance: f64) -> (Vec<f64>, bool) {
+/// Object heights, mm, from which a reader computes the field angles of the lens. It is a loss if not all angles are exact.
+pub(super) fn object_heights(lens: &Lens, distance: f64, losses: &mut Losses) -> Vec<f64> {
     const NEIGHBOURS: usize = 8;
     let sign = if lens.is_rotationally_symmetric() { 1.0 } else { -1.0 };
     let mut all_exact = true;
@@ -101,7 +101,11 @@ pub(super) fn object_heights(lens: &Lens, distance: f64) -> (Vec<f64>, bool) {
         near
     });
     let heights = heights.collect();
-    (heights, all_exact)
+    if !all_exact {
+        let message = "as heights of the object, fields change in their last digit";
+        losses.add(0, "fields", Effect::Approximated, message);
+    }
+    heights
 }
 
 /// Wavelengths, um, with weights, and the index of the reference among them. A reference outside the lens's list is added

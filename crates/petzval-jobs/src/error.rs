@@ -3,7 +3,7 @@
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use petzval_base::{Cancelled, FileError, LONGEST_NAME, reason_and_hint, write_whole};
+use petzval_base::{Cancelled, FileError, InFile, LONGEST_NAME, reason_and_hint, write_whole};
 use petzval_design::error::{DesignError, WrongSetting};
 use petzval_files::raw_file::RawFileError;
 use petzval_files::{ImageError, decode};
@@ -327,7 +327,7 @@ fn error_in_request(path: &Path, error: &FileError) -> Option<JobError> {
 impl From<RawFileError> for JobError {
     fn from(error: RawFileError) -> Self {
         match error {
-            RawFileError::Sidecar { path, error } => Self::File { path, error },
+            RawFileError::Sidecar(InFile { path, error }) => Self::File { path, error },
             RawFileError::Content { path, reason, hint } => {
                 Self::input(format!("{}: {reason}", path.display()), hint)
             }

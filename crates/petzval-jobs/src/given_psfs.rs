@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use petzval_base::pasted;
+use petzval_base::{InFile, pasted};
 use petzval_camera::psf::PsfBank;
 use petzval_files::psf_file::{PsfFault, PsfFile, PsfFileError, axes_file, read_psfs};
 use petzval_lab::psf_calibration::manifest::MANIFEST_FILE;
@@ -40,10 +40,10 @@ pub(crate) fn in_file(path: &Path) -> impl Fn(PsfFault) -> JobError {
 impl From<PsfFileError> for JobError {
     fn from(error: PsfFileError) -> Self {
         match error {
-            PsfFileError::File { path, error } => Self::File { path, error },
-            PsfFileError::Io { path, error } => {
+            PsfFileError::File(InFile { path, error }) => Self::File { path, error },
+            PsfFileError::Io(error) => {
                 let hint = "PSFs are a folder of results of `petzval psf` or `petzval psf-calibrate`, or its psf.json";
-                Self::system(format!("{}: {error}", path.display()), &error, hint)
+                Self::system(error.to_string(), &error.source, hint)
             }
         }
     }

@@ -63,6 +63,7 @@ pub mod run_view;
 pub mod sensor;
 mod settings;
 pub mod simulate;
+mod state_file;
 pub mod table;
 pub mod task_view;
 pub mod threads;

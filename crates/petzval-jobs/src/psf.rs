@@ -278,7 +278,7 @@ fn computed(request: &Request, lens: &Lens, plan: &PsfPlan, context: &Context) -
         captured: psfs.iter().map(|p| p.captured.clone()).collect(),
         pupil_cells: Some(plan.quadrature.cells),
         pupil_error: Some(error),
-        method: psfs.iter().map(|p| p.method.iter().map(Method::from).collect()).collect(),
+        method: psfs.iter().map(|p| p.method.clone()).collect(),
         ..Axes::new(request.pitch_um, plan.field_radius_mm.clone())
             .symmetric(lens.is_rotationally_symmetric())
     };

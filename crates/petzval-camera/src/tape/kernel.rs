@@ -73,14 +73,25 @@ pub trait Kernel: Debug + Send + Sync {
 ///
 /// It computes what the [`Kernel`] computes on the host, within the rounding of the device.
 pub trait DeviceForm {
-    /// True if the form can compute with inputs like this one, by its device and its number type.
-    fn serves(&self, input: &DispatchTensor) -> bool;
+    /// True if the form can compute with inputs like this one, by its device and its number type: most compute with all that [`is_served`].
+    fn serves(&self, input: &DispatchTensor) -> bool {
+        is_served(input)
+    }
 
     /// See [`Kernel::forward`]. The value stays on the device of the inputs.
     fn forward(&self, inputs: &[DispatchTensor], tracked: &[bool]) -> DispatchTensor;
 
     /// See [`Kernel::backward`]; none for inputs that are not wanted.
     fn backward(&self, inputs: &[DispatchTensor], at: BackwardPass<'_>) -> Vec<Option<DispatchTensor>>;
+}
+
+/// True for tensors of f32 on a device.
+pub fn is_served(input: &DispatchTensor) -> bool {
+    match &input.kind {
+        #[cfg(any(feature = "wgpu", feature = "cuda"))]
+        DispatchTensorKind::Cube(tensor) => tensor.dtype() == DType::F32,
+        _ => false,
+    }
 }
 
 /// What the backward pass of a [`DeviceForm`] starts from; see [`Kernel::backward`].

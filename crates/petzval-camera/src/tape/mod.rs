@@ -24,7 +24,7 @@ mod srgb_op;
 pub use develop_op::develop_op;
 pub use expose_op::expose_op;
 pub use frames::Frames;
-pub use kernel::{BackwardPass, DeviceForm, Kernel, View, apply, computes_in_place, is_on_host};
+pub use kernel::{BackwardPass, DeviceForm, Kernel, View, apply, computes_in_place, is_on_host, is_served};
 pub use linear_isp_op::{linear_isp_op, linear_isp_pull_back};
 pub use render_op::{PlacedScene, field_map, illumination_op, render_op};
 pub use restore_op::{Restoration, restore_op};

@@ -379,12 +379,6 @@ impl Camera {
         self.take_through(&self.leaves(|leaves| leaves), shots, noise)
     }
 
-    /// [`Camera::take`] with a graph that leads to the PSFs, which are returned as leaf tensors.
-    pub fn take_tracking_psfs(&self, shots: &[Shot], noise: &Noise) -> Result<(Frames, OpticsLeaves)> {
-        let leaves = self.tracked_leaves();
-        Ok((self.take_through(&leaves, shots, noise)?, leaves))
-    }
-
     /// The PSFs as leaf tensors of a new tape.
     pub(crate) fn tracked_leaves(&self) -> OpticsLeaves {
         self.leaves(PsfLeaves::tracked)

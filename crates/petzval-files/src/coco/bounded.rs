@@ -3,13 +3,15 @@
 use std::io::ErrorKind;
 use std::path::Path;
 
+use petzval_base::IoError;
+
 use super::error::CocoError;
 
 /// The bytes of a file that may have at most `most` bytes.
 pub(super) fn read_bounded(path: &Path, most: u64, hint: &str) -> Result<Vec<u8>, CocoError> {
     petzval_base::read_at_most(path, most).map_err(|error| match error.kind() {
         ErrorKind::FileTooLarge => CocoError::content(path, error.to_string(), hint),
-        _ => CocoError::io(path)(error),
+        _ => IoError::at(path)(error).into(),
     })
 }
 

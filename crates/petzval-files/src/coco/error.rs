@@ -2,19 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use petzval_base::{Cancelled, FileError};
+use petzval_base::{Cancelled, FileError, IoError};
 
 /// Why a data set could not be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum CocoError {
     /// A file or folder cannot be opened, read or written.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// The file or folder.
-        path: PathBuf,
-        /// The error of the system.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    Io(#[from] IoError),
     /// A folder or file is not what is needed.
     #[error("{}: {reason}; hint: {hint}", path.display())]
     Content {
@@ -41,12 +36,6 @@ pub enum CocoError {
 }
 
 impl CocoError {
-    /// An I/O error about a path.
-    pub(super) fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
-        let path = path.to_owned();
-        move |source| Self::Io { path, source }
-    }
-
     pub(super) fn content(path: &Path, reason: impl Into<String>, hint: impl Into<String>) -> Self {
         Self::Content { path: path.to_owned(), reason: reason.into(), hint: hint.into() }
     }

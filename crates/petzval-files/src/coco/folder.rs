@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-use petzval_base::{Cancel, write_whole};
+use petzval_base::{Cancel, IoError, write_whole};
 
 use super::bounded::read_bounded;
 use super::check::check_entries;
@@ -116,7 +116,7 @@ fn picture_in(folders: &[PathBuf], file_name: &str) -> Option<PathBuf> {
 
 /// Writes the annotations of a data set, completely or not at all.
 pub fn save_coco(data: &DataSet, path: &Path) -> Result<(), CocoError> {
-    write_whole(path, &coco_bytes(data)).map_err(CocoError::io(path))
+    Ok(write_whole(path, &coco_bytes(data)).map_err(IoError::at(path))?)
 }
 
 /// Whether a place has annotations in COCO format, or several files that could be those: a file `.json`, or a folder with some.
@@ -182,8 +182,8 @@ fn part_of(file: &Path) -> Option<String> {
 /// The `.json` files of a folder whose names are accepted, in order.
 fn json_files(folder: &Path, is_accepted: impl Fn(&str) -> bool) -> Result<Vec<PathBuf>, CocoError> {
     let mut found = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(CocoError::io(folder))? {
-        let path = entry.map_err(CocoError::io(folder))?.path();
+    for entry in std::fs::read_dir(folder).map_err(IoError::at(folder))? {
+        let path = entry.map_err(IoError::at(folder))?.path();
         let name = path.file_name().and_then(OsStr::to_str).unwrap_or("");
         if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"))
             && is_accepted(name)

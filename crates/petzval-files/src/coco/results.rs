@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use petzval_base::write_whole;
+use petzval_base::{IoError, write_whole};
 use serde::Serialize;
 
 use super::bounds::Bounds;
@@ -49,5 +49,5 @@ pub fn results_bytes(detections: &[Detection], images: &[Image]) -> Vec<u8> {
 
 /// Writes a file of detections in these pictures, completely or not at all.
 pub fn save_results(detections: &[Detection], images: &[Image], path: &Path) -> Result<(), CocoError> {
-    write_whole(path, &results_bytes(detections, images)).map_err(CocoError::io(path))
+    Ok(write_whole(path, &results_bytes(detections, images)).map_err(IoError::at(path))?)
 }

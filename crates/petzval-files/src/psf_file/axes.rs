@@ -1,7 +1,7 @@
 //! The axes of a bank of PSFs, as in `psf.json`.
 
 use petzval_base::FileError;
-use petzval_optics::psf::{PsfKind, PsfMethod};
+use petzval_optics::psf::{PsfKind, PsfMethod as Method};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -143,42 +143,6 @@ pub enum Channel {
 impl Channel {
     /// The colours of a camera in their order.
     pub const RGB: [Self; 3] = [Self::Red, Self::Green, Self::Blue];
-}
-
-/// How a PSF was computed; see [`PsfMethod`].
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(tag = "kind", rename_all = "kebab-case")]
-pub enum Method {
-    /// From polynomials over the pupil through traced rays.
-    Polynomial {
-        /// Total degree.
-        degree: usize,
-        /// Largest distance between the polynomials and traced rays that they were not fitted to, um.
-        residual_um: f64,
-    },
-    /// From one traced ray per pupil cell.
-    Traced,
-    /// The point of a thin lens without aberrations.
-    Point,
-    /// The pattern of Airy, of a thin lens without aberrations.
-    Airy,
-    /// By diffraction, from polynomials of this total degree.
-    Wave {
-        /// Total degree.
-        degree: usize,
-    },
-}
-
-impl From<&PsfMethod> for Method {
-    fn from(method: &PsfMethod) -> Self {
-        match *method {
-            PsfMethod::Polynomial { degree, residual_um } => Self::Polynomial { degree, residual_um },
-            PsfMethod::Traced => Self::Traced,
-            PsfMethod::Point => Self::Point,
-            PsfMethod::Airy => Self::Airy,
-            PsfMethod::Wave { degree } => Self::Wave { degree },
-        }
-    }
 }
 
 impl PsfAxes {

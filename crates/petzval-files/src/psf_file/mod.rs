@@ -29,11 +29,12 @@ mod wrong_part;
 
 use std::path::{Path, PathBuf};
 
-use petzval_base::FileError;
+use petzval_base::{InFile, IoError};
 
-pub use axes::{Channel, FORMAT, Method, PsfAxes, PsfOrigin, VERSION};
+pub use axes::{Channel, FORMAT, PsfAxes, PsfOrigin, VERSION};
 pub use check::PsfFault;
 pub use names::{AXES_FILE, ILLUMINATION_FILE, OLD_AXES_FILE, VALUES_FILE};
+pub use petzval_optics::psf::PsfMethod as Method;
 pub use read::{parse_psfs, read_psfs};
 pub use write::{psf_files, write_psfs};
 pub use wrong_part::WrongPart;
@@ -55,33 +56,11 @@ pub struct PsfFile {
 #[derive(Debug, thiserror::Error)]
 pub enum PsfFileError {
     /// A file is wrong.
-    #[error("{}: {error}", path.display())]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong, where, and a hint.
-        error: Box<FileError>,
-    },
+    #[error(transparent)]
+    File(#[from] InFile),
     /// A file could not be read or written.
-    #[error("{}: {error}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// The error of the system.
-        error: std::io::Error,
-    },
-}
-
-impl PsfFileError {
-    fn file(path: &Path) -> impl FnOnce(FileError) -> Self {
-        let path = path.to_owned();
-        move |error| Self::File { path, error: Box::new(error) }
-    }
-
-    fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
-        let path = path.to_owned();
-        move |error| Self::Io { path, error }
-    }
+    #[error(transparent)]
+    Io(#[from] IoError),
 }
 
 /// The file with the axes that a path means: the file itself, or the one in a folder.

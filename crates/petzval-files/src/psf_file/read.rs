@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use petzval_base::{InFile, IoError};
+
 use super::check::MOST_VALUES;
 use super::names::{ILLUMINATION_FILE, VALUES_FILE};
 use super::wrong_part::{WrongPart, message, part};
@@ -21,33 +23,33 @@ pub fn read_psfs(path: &Path) -> Result<PsfFile, PsfFileError> {
     let path = axes_file(path);
     let text = match petzval_base::read_text(&path) {
         Err(error) if error.kind() == std::io::ErrorKind::InvalidData => {
-            return Err(PsfFileError::file(&path)(message("the file is not UTF-8 text", AXES_HINT)));
+            return Err(InFile::at(&path)(message("the file is not UTF-8 text", AXES_HINT)).into());
         }
-        other => other.map_err(PsfFileError::io(&path))?,
+        other => other.map_err(IoError::at(&path))?,
     };
     let beside = |name: &str| path.with_file_name(name);
     let read = |name: &str| {
         let file = beside(name);
-        petzval_base::read_whole(&file).map_err(PsfFileError::io(&file))
+        petzval_base::read_whole(&file).map_err(IoError::at(&file))
     };
     if path.extension().is_some_and(|ending| ending == "toml") {
-        let old = old_toml::parse(&text).map_err(PsfFileError::file(&path))?;
+        let old = old_toml::parse(&text).map_err(InFile::at(&path))?;
         let values = read(&old.values)?;
-        return old_toml::bank(&old, &text, &values).map_err(|part| match part {
-            WrongPart::Axes(error) | WrongPart::Illumination(error) => PsfFileError::file(&path)(error),
-            WrongPart::Values(error) => PsfFileError::file(&beside(&old.values))(error),
-        });
+        return Ok(old_toml::bank(&old, &text, &values).map_err(|part| match part {
+            WrongPart::Axes(error) | WrongPart::Illumination(error) => InFile::at(&path)(error),
+            WrongPart::Values(error) => InFile::at(&beside(&old.values))(error),
+        })?);
     }
-    let axes = PsfAxes::parse(&text).map_err(PsfFileError::file(&path))?;
+    let axes = PsfAxes::parse(&text).map_err(InFile::at(&path))?;
     let light = illumination_file(&axes);
     let values = read(&axes.values_file)?;
     let illumination = light.as_deref().map(read).transpose()?;
     let names = [axes.values_file.clone(), light.unwrap_or_default()];
-    bank(axes, &text, &values, illumination.as_deref()).map_err(|part| match part {
-        WrongPart::Axes(error) => PsfFileError::file(&path)(error),
-        WrongPart::Values(error) => PsfFileError::file(&beside(&names[0]))(error),
-        WrongPart::Illumination(error) => PsfFileError::file(&beside(&names[1]))(error),
-    })
+    Ok(bank(axes, &text, &values, illumination.as_deref()).map_err(|part| match part {
+        WrongPart::Axes(error) => InFile::at(&path)(error),
+        WrongPart::Values(error) => InFile::at(&beside(&names[0]))(error),
+        WrongPart::Illumination(error) => InFile::at(&beside(&names[1]))(error),
+    })?)
 }
 
 /// A bank of the text of `psf.json` and the bytes of its arrays.

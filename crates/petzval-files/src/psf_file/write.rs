@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use petzval_base::write_whole;
+use petzval_base::{InFile, IoError, write_whole};
 
 use super::names::{AXES_FILE, ILLUMINATION_FILE, VALUES_FILE};
 use super::wrong_part::{WrongPart, part};
@@ -33,13 +33,13 @@ pub fn write_psfs(bank: &PsfFile, folder: &Path, precision: FloatType) -> Result
     bank.check().map_err(|fault| {
         let (WrongPart::Axes(error) | WrongPart::Values(error) | WrongPart::Illumination(error)) =
             part("", &fault);
-        PsfFileError::file(&axes)(error)
+        InFile::at(&axes)(error)
     })?;
-    std::fs::create_dir_all(folder).map_err(PsfFileError::io(folder))?;
-    let files = psf_files(bank, precision).map_err(PsfFileError::io(&axes))?;
+    std::fs::create_dir_all(folder).map_err(IoError::at(folder))?;
+    let files = psf_files(bank, precision).map_err(IoError::at(&axes))?;
     for (name, bytes) in &files {
         let path = folder.join(name);
-        write_whole(&path, bytes).map_err(PsfFileError::io(&path))?;
+        write_whole(&path, bytes).map_err(IoError::at(&path))?;
     }
     Ok(files.map(|(name, _)| folder.join(name)))
 }

@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use petzval_base::FileError;
+use petzval_base::{FileError, InFile};
 use petzval_camera::isp::{FrameData, Mesh, NoiseProfile};
 use petzval_camera::spectral::Matrix3;
 use schemars::JsonSchema;
@@ -109,7 +109,7 @@ impl FrameCalibration {
             let reason = "the calibration is not UTF-8 text".to_owned();
             return Err(RawFileError::content(path, reason, "give a TOML file with keys such as black_dn"));
         };
-        Self::from_toml(&text).map_err(|error| RawFileError::sidecar(path, error))
+        Ok(Self::from_toml(&text).map_err(InFile::at(path))?)
     }
 
     /// Reads and checks the text of a file.

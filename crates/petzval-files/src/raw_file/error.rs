@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use petzval_base::FileError;
+use petzval_base::InFile;
 
 /// Why a raw frame could not be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -26,13 +26,8 @@ pub enum RawFileError {
         hint: &'static str,
     },
     /// The sidecar has an error.
-    #[error("{}: {error}", path.display())]
-    Sidecar {
-        /// The sidecar.
-        path: PathBuf,
-        /// What is wrong, where, and what to write instead.
-        error: Box<FileError>,
-    },
+    #[error(transparent)]
+    Sidecar(#[from] InFile),
 }
 
 impl RawFileError {
@@ -44,9 +39,5 @@ impl RawFileError {
 
     pub(super) fn content(path: &Path, reason: String, hint: &'static str) -> Self {
         Self::Content { path: path.to_owned(), reason, hint }
-    }
-
-    pub(super) fn sidecar(path: &Path, error: FileError) -> Self {
-        Self::Sidecar { path: path.to_owned(), error: Box::new(error) }
     }
 }

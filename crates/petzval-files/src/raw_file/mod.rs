@@ -148,7 +148,7 @@ pub fn page_count(path: &Path) -> Result<usize, RawFileError> {
 /// Reads one page, counted from 0, of a TIFF file. The sidecar of the file applies to every page.
 pub fn load_raw_page(path: &Path, page: usize) -> Result<RawFrame, RawFileError> {
     let content = |error: Unreadable| RawFileError::content(path, error.reason, error.hint);
-    let open = || Ok(BufReader::new(petzval_base::open_file(path).map_err(RawFileError::io(path))?));
+    let open = || petzval_base::open_file(path).map(BufReader::new).map_err(RawFileError::io(path));
     let places = pages::pages(open()?).map_err(content)?;
     let Some(place) = places.get(page) else {
         let reason = format!("the file has {} pages, and page {} was requested", places.len(), page + 1);

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use petzval_base::FileError;
+use petzval_base::{FileError, InFile};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -99,7 +99,7 @@ impl Sidecar {
         let Ok(text) = String::from_utf8(bytes) else {
             return Err(RawFileError::content(&path, "the sidecar is not UTF-8 text".to_owned(), EXAMPLE));
         };
-        let sidecar = Self::from_toml(&text).map_err(|error| RawFileError::sidecar(&path, error))?;
+        let sidecar = Self::from_toml(&text).map_err(InFile::at(&path))?;
         Ok(Some(Self { path, ..sidecar }))
     }
 
@@ -207,7 +207,7 @@ impl Sidecar {
     fn packed(&self) -> Result<&PackedLayout, RawFileError> {
         self.layout.as_ref().ok_or_else(|| {
             let error = FileError::at_key(&self.text, &["packing"], "a packed file needs the key `packing`");
-            RawFileError::sidecar(&self.path, error.hint(EXAMPLE))
+            InFile::at(&self.path)(error.hint(EXAMPLE)).into()
         })
     }
 
@@ -237,7 +237,7 @@ impl Sidecar {
                 let message = format!("{} has the value {dn} at row {row}, column {col}", raw.display());
                 let error = FileError::at_key(&self.text, &["companding", "companded_dn"], message);
                 let error = error.hint("give knots up to the largest number that the camera sends");
-                Err(RawFileError::sidecar(&self.path, error))
+                Err(InFile::at(&self.path)(error).into())
             }
         }
     }
@@ -251,7 +251,7 @@ impl Sidecar {
     ) -> Result<RawFrame<T>, RawFileError> {
         let at = |key: &str, message: String, hint: &str| {
             let error = FileError::at_key(&self.text, &[key], message).hint(hint);
-            Err(RawFileError::sidecar(&self.path, error))
+            Err(InFile::at(&self.path)(error).into())
         };
         let name = raw.display();
         if self.layout.is_some() {

@@ -64,14 +64,7 @@ impl<'a> Out<'a> {
         self.list("WTW", &weights);
         let (key, values) = match lens.object {
             ObjectDistance::Infinity => ("AN", lens.fields_deg.clone()),
-            ObjectDistance::Finite(distance) => {
-                let (heights, exact) = object_heights(lens, distance);
-                if !exact {
-                    let message = "as heights of the object, fields change in their last digit";
-                    self.losses.add(0, "fields", Effect::Approximated, message);
-                }
-                ("OB", heights)
-            }
+            ObjectDistance::Finite(distance) => ("OB", object_heights(lens, distance, &mut self.losses)),
         };
         self.list(&format!("X{key}"), &vec!["0.0".to_owned(); values.len()]);
         self.list(&format!("Y{key}"), &values.iter().map(|v| number(*v)).collect::<Vec<_>>());

@@ -16,7 +16,7 @@ mod tiff_file;
 
 use std::path::{Path, PathBuf};
 
-use petzval_base::FileError;
+use petzval_base::{FileError, InFile, IoError};
 
 pub use crate::limits::MAX_VALUES;
 pub use sidecar::{Axes, Sidecar, sidecar_path};
@@ -27,13 +27,8 @@ use petzval_camera::spectral::{SpectralImage, SpectralImageError};
 #[derive(Debug, thiserror::Error)]
 pub enum SpectralFileError {
     /// A file cannot be opened or read.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// The error of the system.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    Io(#[from] IoError),
     /// The sidecar is missing.
     #[error(
         "{}: the wavelengths of {} are missing; hint: write them as `wavelength_um = [0.40, 0.42, ...]` into this file",
@@ -46,13 +41,8 @@ pub enum SpectralFileError {
         sidecar: PathBuf,
     },
     /// The sidecar is wrong.
-    #[error("{}: {error}", path.display())]
-    Sidecar {
-        /// The sidecar.
-        path: PathBuf,
-        /// What is wrong, and where.
-        error: Box<FileError>,
-    },
+    #[error(transparent)]
+    Sidecar(#[from] InFile),
     /// The content contradicts the file's name.
     #[error("{}: {reason}; hint: {hint}", path.display())]
     Content {
@@ -102,7 +92,7 @@ pub fn is_spectral(path: &Path) -> bool {
 
 /// Reads and checks a spectral image.
 pub fn load_spectral(path: &Path) -> Result<SpectralImage, SpectralFileError> {
-    let bytes = petzval_base::read_whole(path).map_err(io(path))?;
+    let bytes = petzval_base::read_whole(path).map_err(IoError::at(path))?;
     let content = |(reason, hint): (String, &'static str)| SpectralFileError::Content {
         path: path.to_owned(),
         reason,
@@ -141,14 +131,9 @@ fn sidecar_as<T>(
     let path = sidecar_path(image);
     let text = match petzval_base::read_text(&path) {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        other => other.map_err(io(&path))?,
+        other => other.map_err(IoError::at(&path))?,
     };
-    parse(&text).map(Some).map_err(|error| SpectralFileError::Sidecar { path, error: Box::new(error) })
-}
-
-fn io(path: &Path) -> impl FnOnce(std::io::Error) -> SpectralFileError {
-    let path = path.to_owned();
-    move |source| SpectralFileError::Io { path, source }
+    Ok(Some(parse(&text).map_err(InFile::at(&path))?))
 }
 
 #[cfg(test)]

@@ -81,14 +81,7 @@ impl Out<'_> {
     fn fields(&mut self, lens: &Lens, weights: &[f64]) {
         let (kind, values) = match lens.object {
             ObjectDistance::Infinity => (0, lens.fields_deg.clone()),
-            ObjectDistance::Finite(distance) => {
-                let (heights, exact) = object_heights(lens, distance);
-                if !exact {
-                    let message = "as heights of the object, fields change in their last digit";
-                    self.losses.add(0, "fields", Effect::Approximated, message);
-                }
-                (1, heights)
-            }
+            ObjectDistance::Finite(distance) => (1, object_heights(lens, distance, &mut self.losses)),
         };
         let (count, waves) = (values.len(), weighted_wavelengths(lens).0.len());
         self.line(format_args!("FTYP {kind} 0 {count} {waves} 0 0 0"));

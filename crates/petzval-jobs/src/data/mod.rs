@@ -5,6 +5,7 @@ pub mod convert;
 mod memory;
 mod photographs;
 
+use petzval_base::IoError;
 use petzval_files::CheckedPictures;
 use petzval_files::coco::{CocoError, Loaded, PictureCheck, check_pictures_by};
 
@@ -52,7 +53,7 @@ impl From<CocoError> for JobError {
             CocoError::Content { path, reason, hint } => {
                 Self::input(format!("{}: {reason}", path.display()), hint)
             }
-            CocoError::Io { ref source, .. } => {
+            CocoError::Io(IoError { ref source, .. }) => {
                 let hint = "give a file or folder that can be read, or a place that can be written";
                 Self::system(error.to_string(), source, hint)
             }

@@ -5,7 +5,7 @@ mod figures;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use petzval_base::FileError;
+use petzval_base::{FileError, InFile, IoError};
 use petzval_camera::image::CHANNELS;
 use petzval_camera::psf::PsfBank;
 use petzval_camera::sensor::SensorModel;
@@ -71,14 +71,14 @@ pub struct Response {
 impl From<PsfCalibrationError> for JobError {
     fn from(error: PsfCalibrationError) -> Self {
         match error {
-            PsfCalibrationError::File { path, error } => Self::File { path, error },
+            PsfCalibrationError::File(InFile { path, error }) => Self::File { path, error },
             PsfCalibrationError::Stopped(cancelled) => cancelled.into(),
             PsfCalibrationError::Frame(error) => error.into(),
-            PsfCalibrationError::Io { path, error } if error.kind() == ErrorKind::NotFound => Self::input(
-                format!("{}: {error}", path.display()),
+            PsfCalibrationError::Io(error) if error.source.kind() == ErrorKind::NotFound => Self::input(
+                error.to_string(),
                 "a folder of captures holds captures.toml and the frames it names; `petzval psf-capture` makes one",
             ),
-            PsfCalibrationError::Io { path, error } => DesignError::io(&path)(error).into(),
+            PsfCalibrationError::Io(IoError { path, source }) => DesignError::io(&path)(source).into(),
             other => Self::input(other.to_string(), ""),
         }
     }

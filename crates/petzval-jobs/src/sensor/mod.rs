@@ -5,6 +5,7 @@ pub mod characterize;
 pub mod list;
 pub mod show;
 
+use petzval_base::{InFile, IoError};
 use petzval_lab::emva::CaptureError;
 
 use crate::error::JobError;
@@ -14,7 +15,7 @@ impl From<CaptureError> for JobError {
     fn from(error: CaptureError) -> Self {
         let message = error.to_string();
         let hint = match error {
-            CaptureError::List { path, error } => return Self::File { path, error },
+            CaptureError::List(InFile { path, error }) => return Self::File { path, error },
             CaptureError::Stopped(cancelled) => return cancelled.into(),
             CaptureError::Image(_) => return Self::failed(message),
             CaptureError::Plan { what: "series", .. } => return Self::failed(message),
@@ -34,7 +35,7 @@ impl From<CaptureError> for JobError {
                 "run the same `petzval sensor capture` again: it goes on where it stopped"
             }
             CaptureError::NoFolder(_) => "give the folder of the captures, or its captures.toml",
-            CaptureError::Io { source, .. } => {
+            CaptureError::Io(IoError { source, .. }) => {
                 return Self::system(
                     message,
                     &source,

@@ -8,7 +8,8 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
-use crate::error::{JobError, Result, json, make_folder, write_file};
+use crate::error::{JobError, Result, json, write_file};
+use crate::state_file::{make_new_folder, read_state};
 
 /// Steps between two records of the losses, and between two states from which training can continue.
 const RECORD_EVERY: usize = 50;
@@ -122,16 +123,7 @@ impl TrainingFolder {
     /// Makes the folder; refuses one that already holds a training.
     pub fn create(root: &Path) -> Result<Self> {
         let folder = Self(root.to_owned());
-        if folder.training().exists() {
-            let hint = "continue it with --resume, or choose another folder";
-            return Err(JobError::setting(
-                "out",
-                root.display(),
-                "this folder already holds a training",
-                hint,
-            ));
-        }
-        make_folder(root)?;
+        make_new_folder(root, &folder.training(), "training")?;
         Ok(folder)
     }
 
@@ -143,14 +135,8 @@ impl TrainingFolder {
     /// Reads the training in a folder.
     pub fn open<K: DeserializeOwned>(root: &Path) -> Result<(Self, K)> {
         let folder = Self(root.to_owned());
-        let path = folder.training();
-        let wrong = |message: String| {
-            let hint = "--resume takes the --out folder of an earlier training of the same kind";
-            JobError::input(format!("{}: {message}", path.display()), hint)
-        };
-        let text = petzval_base::read_text(&path).map_err(|e| wrong(e.to_string()))?;
-        let kept = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
-        petzval_base::sweep_parts(root);
+        let hint = "--resume takes the --out folder of an earlier training of the same kind";
+        let kept = read_state(root, &folder.training(), hint)?;
         Ok((folder, kept))
     }
 

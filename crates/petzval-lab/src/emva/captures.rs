@@ -5,7 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
-use petzval_base::{Cancelled, FileError, counted};
+use petzval_base::{Cancelled, InFile, IoError, counted};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -163,21 +163,11 @@ pub enum CaptureError {
     #[error("{}: a file, but no list of captures", .0.display())]
     NoFolder(PathBuf),
     /// A file cannot be read or written.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// The error of the system.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    Io(#[from] IoError),
     /// The list of captures is wrong.
-    #[error("{}: {error}", path.display())]
-    List {
-        /// The list.
-        path: PathBuf,
-        /// What is wrong and where.
-        error: Box<FileError>,
-    },
+    #[error(transparent)]
+    List(#[from] InFile),
     /// A frame cannot be read.
     #[error(transparent)]
     Frame(#[from] RawFileError),

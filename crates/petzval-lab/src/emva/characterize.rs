@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use petzval_base::{Cancelled, FileError};
+use petzval_base::{Cancelled, FileError, InFile};
 use rayon::prelude::*;
 
 use super::captures::{CaptureError, Captures, FrameFile, Kind, Point};
@@ -147,7 +147,7 @@ fn no_copies<'a>(
             );
             let error = FileError::at_line(point.line, "", message)
                 .hint("noise is measured from frames that were exposed one after the other");
-            return Err(CaptureError::List { path: captures.list.clone(), error: Box::new(error) });
+            return Err(CaptureError::List(InFile::at(&captures.list)(error)));
         }
     }
     Ok(())

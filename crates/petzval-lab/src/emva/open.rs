@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use petzval_base::FileError;
+use petzval_base::{FileError, InFile, IoError};
 use petzval_files::decode;
 
 use super::captures::{CaptureError, Captures, DESCRIPTOR, FrameFile, Kind, MANIFEST, Point, SERIES};
@@ -24,7 +24,7 @@ impl Captures {
         let (ours, theirs) = (folder.join(MANIFEST), folder.join(DESCRIPTOR));
         if !folder.is_dir() {
             let source = std::io::Error::new(std::io::ErrorKind::NotFound, "no such folder");
-            return Err(CaptureError::Io { path: folder.to_owned(), source });
+            return Err(IoError::at(folder)(source).into());
         }
         let (list, ours) = match (ours.is_file(), theirs.is_file()) {
             (true, _) => (ours, true),
@@ -34,9 +34,8 @@ impl Captures {
             }
             (false, false) => return Err(CaptureError::NoList(folder.to_owned())),
         };
-        let bytes = petzval_base::read_whole(&list)
-            .map_err(|source| CaptureError::Io { path: list.clone(), source })?;
-        let wrong = |error: FileError| CaptureError::List { path: list.clone(), error: Box::new(error) };
+        let bytes = petzval_base::read_whole(&list).map_err(IoError::at(&list))?;
+        let wrong = |error: FileError| CaptureError::List(InFile::at(&list)(error));
         let text = decode(&bytes);
         let parsed = if ours { manifest::parse(&text, folder) } else { descriptor::parse(&text, folder) };
         let mut captures = parsed.map_err(wrong)?;

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::captures::{CaptureError, Kind, MANIFEST, SERIES, SensorFacts};
 use super::compat::manifest::{self, Listed};
 use super::plan::{Lit, Plan, PlannedPoint};
-use petzval_base::{Cancelled, sweep_parts, write_whole};
+use petzval_base::{Cancelled, IoError, sweep_parts, write_whole};
 use petzval_camera::image::{CHANNELS, LinearImage};
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
@@ -126,22 +126,18 @@ pub fn write_series(
 ) -> Result<Written, CaptureError> {
     // Write a file that identifies the series, so that another series is not mixed into the folder.
     let series = Series::new(sensor, plan)?;
-    let io = |path: &Path| {
-        let path = path.to_owned();
-        move |source| CaptureError::Io { path, source }
-    };
     let unwritable = |e: toml::ser::Error| CaptureError::Plan { what: "series", problem: e.to_string() };
     let identity = toml::to_string(&Identity { plan, sensor }).map_err(unwritable)?;
     check_folder(folder, &identity)?;
-    std::fs::create_dir_all(folder).map_err(io(folder))?;
+    std::fs::create_dir_all(folder).map_err(IoError::at(folder))?;
     sweep_parts(folder);
     let identified = folder.join(SERIES);
-    write_whole(&identified, identity.as_bytes()).map_err(io(&identified))?;
+    write_whole(&identified, identity.as_bytes()).map_err(IoError::at(&identified))?;
 
     // Expose and write the missing frames, in parallel.
     for gain in &plan.gains {
         let below = folder.join(format!("gain-{gain}"));
-        std::fs::create_dir_all(&below).map_err(io(&below))?;
+        std::fs::create_dir_all(&below).map_err(IoError::at(&below))?;
     }
     let frames: Vec<(&PlannedPoint, usize)> =
         series.points.iter().flat_map(|p| (0..p.names.len()).map(move |i| (p, i))).collect();
@@ -180,7 +176,7 @@ pub fn write_series(
     });
     let listed: Vec<Listed> = listed.collect();
     let text = manifest::write(&facts, &listed).map_err(unwritable)?;
-    write_whole(&list, text.as_bytes()).map_err(io(&list))?;
+    write_whole(&list, text.as_bytes()).map_err(IoError::at(&list))?;
     Ok(Written { list, frames: frames.len(), kept: kept.iter().filter(|k| **k).count() })
 }
 
@@ -227,7 +223,7 @@ fn expose_frame(
 fn write_frame(frame: &RawFrame, path: &Path) -> Result<(), CaptureError> {
     let format = RawFormat::of_name(path, Packing::U16le).unwrap_or(RawFormat::Tiff);
     save_raw_alone(frame, path, format).map_err(|error| match error {
-        RawFileError::Io { path, source } => CaptureError::Io { path, source },
+        RawFileError::Io { path, source } => IoError { path, source }.into(),
         other => other.into(),
     })
 }

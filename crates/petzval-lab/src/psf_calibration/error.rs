@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use petzval_base::{Cancelled, FileError};
+use petzval_base::{Cancelled, InFile, IoError};
 use petzval_camera::psf::PsfError;
 use petzval_camera::sensor::{CfaPattern, SensorError};
 use petzval_files::raw_file::RawFileError;
@@ -11,21 +11,11 @@ use petzval_files::raw_file::RawFileError;
 #[derive(Debug, thiserror::Error)]
 pub enum PsfCalibrationError {
     /// The manifest is wrong.
-    #[error("{}: {error}", path.display())]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong, where.
-        error: Box<FileError>,
-    },
+    #[error(transparent)]
+    File(#[from] InFile),
     /// A file could not be read or written.
-    #[error("{}: {error}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// The error of the system.
-        error: std::io::Error,
-    },
+    #[error(transparent)]
+    Io(#[from] IoError),
     /// A frame could not be read.
     #[error(transparent)]
     Frame(#[from] RawFileError),
@@ -148,18 +138,4 @@ pub enum PsfCalibrationError {
     /// The measured PSFs make no bank.
     #[error("measured PSFs: {0}")]
     Bank(#[from] PsfError),
-}
-
-impl PsfCalibrationError {
-    /// An I/O error about a path.
-    pub fn io(path: &std::path::Path) -> impl FnOnce(std::io::Error) -> Self {
-        let path = path.to_path_buf();
-        move |error| Self::Io { path, error }
-    }
-
-    /// An error in a file.
-    pub fn file(path: &std::path::Path) -> impl FnOnce(FileError) -> Self {
-        let path = path.to_path_buf();
-        move |error| Self::File { path, error: Box::new(error) }
-    }
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use petzval_base::{Cancelled, FileError};
+use petzval_base::{Cancelled, FileError, InFile, IoError};
 
 use super::PsfCalibrationError;
 use super::average::{Average, Dark};
@@ -51,14 +51,14 @@ pub struct CalibratedPosition {
 /// Reads the manifest of a folder; with its text and path.
 pub fn read_manifest(folder: &Path) -> Result<(Manifest, String, PathBuf), PsfCalibrationError> {
     let path = folder.join(MANIFEST_FILE);
-    let bytes = petzval_base::read_whole(&path).map_err(PsfCalibrationError::io(&path))?;
+    let bytes = petzval_base::read_whole(&path).map_err(IoError::at(&path))?;
     let text = String::from_utf8(bytes).map_err(|error| {
         let text = String::from_utf8_lossy(error.as_bytes());
         let at = error.utf8_error().valid_up_to();
         let error = FileError::at(&text, at..at, "", "this is not UTF-8 text");
-        PsfCalibrationError::file(&path)(error.hint("save the manifest as UTF-8"))
+        InFile::at(&path)(error.hint("save the manifest as UTF-8"))
     })?;
-    let manifest = Manifest::from_toml(&text).map_err(PsfCalibrationError::file(&path))?;
+    let manifest = Manifest::from_toml(&text).map_err(InFile::at(&path))?;
     Ok((manifest, text, path))
 }
 
@@ -95,7 +95,7 @@ pub fn calibrate_position(
         );
         let off = FileError::at(text, position.origin.span(), "origin", message);
         let hint = "[row, column] of the frames' first pixel; the frames' size must be the sensor's or a window of it";
-        return Err(PsfCalibrationError::file(&folder.join(MANIFEST_FILE))(off.hint(hint)));
+        return Err(InFile::at(&folder.join(MANIFEST_FILE))(off.hint(hint)).into());
     }
     if first.height.min(first.width) < LEAST_SIDE {
         let (height, width, least) = (first.height, first.width, LEAST_SIDE);

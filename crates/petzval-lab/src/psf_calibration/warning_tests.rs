@@ -8,6 +8,7 @@ use super::landing::{FinePsf, Spot};
 use super::manifest::MANIFEST_FILE;
 use super::measure::{extract, l1};
 use super::{Manifest, PsfCalibrationError};
+use petzval_base::InFile;
 use petzval_camera::image::CHANNELS;
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Noise, NoiseMode, SensorModel};
@@ -399,7 +400,7 @@ fn a_manifest_that_is_not_text_is_bad_input() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join(MANIFEST_FILE), b"sensor = \"a\"\n# \xff\xfe\n").unwrap();
     match read_manifest(folder.path()) {
-        Err(PsfCalibrationError::File { error, .. }) => {
+        Err(PsfCalibrationError::File(InFile { error, .. })) => {
             assert_eq!((error.line, error.message.as_str()), (Some(2), "this is not UTF-8 text"));
         }
         other => panic!("{other:?}"),

@@ -47,14 +47,16 @@ impl PsfOptions {
     }
 }
 
-/// The method of a PSF.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// How a PSF was computed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+#[schemars(rename = "Method")]
 pub enum PsfMethod {
     /// From polynomials over the pupil through traced rays.
     Polynomial {
         /// Total degree.
         degree: usize,
-        /// Largest distance of the polynomials from traced rays to which they were not fitted, um.
+        /// Largest distance between the polynomials and traced rays that they were not fitted to, um.
         residual_um: f64,
     },
     /// From one traced ray per pupil cell.
@@ -63,7 +65,7 @@ pub enum PsfMethod {
     Point,
     /// The pattern of Airy, of a thin lens without aberrations.
     Airy,
-    /// By diffraction, from polynomials of this total degree over the direction cosines at the image.
+    /// By diffraction, from polynomials of this total degree.
     Wave {
         /// Total degree.
         degree: usize,

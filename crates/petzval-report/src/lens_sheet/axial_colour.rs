@@ -3,9 +3,9 @@
 use maud::html;
 use petzval_optics::analysis::Analysis;
 
-use super::style::{axis_with_zero, foot, wavelength_keys, wavelength_name, wavelength_pen};
+use super::style::{axis_with_zero, blank, wavelength_keys, wavelength_name, wavelength_pen};
 use crate::palette::INK;
-use crate::plot::{Axis, Curve, Frame, Names, Pen, Sheet, WIDTH_PX, span};
+use crate::plot::{Axis, Curve, Frame, Names, Pen, Sheet, span};
 
 /// Height of both frames, px.
 const HEIGHT_PX: f64 = 420.0;
@@ -38,17 +38,14 @@ pub(super) fn axial_colour(analysis: &Analysis) -> Sheet {
         (frame(526.0, Axis::between(0.0, 1.0, 5), &over_pupil).draw(zones, &over_pupil))
     };
     Sheet {
-        class: "axial-colour",
-        title: "Axial colour and longitudinal aberration".into(),
         remark: format!(
             "Left: paraxial focus from that at {}. Right: where rays of the axis cross it, by height in the stop.",
             wavelength_name(analysis.reference_um)
         ),
         keys: wavelength_keys(analysis),
         alt: format!("Focus of {} over wavelength and over the pupil", analysis.name),
-        width: WIDTH_PX,
         height: HEIGHT_PX + 80.0,
         body,
-        foot: foot(analysis),
+        ..blank(analysis, "axial-colour", "Axial colour and longitudinal aberration")
     }
 }

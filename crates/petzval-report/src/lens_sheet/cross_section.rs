@@ -3,7 +3,7 @@
 use maud::html;
 use petzval_optics::analysis::Analysis;
 
-use super::style::{field_name, foot, wavelength_name};
+use super::style::{blank, field_name, wavelength_name};
 use crate::layout::{Drawing, View, extent_of};
 use crate::palette;
 use crate::plot::{Key, Pen, Sheet, WIDTH_PX, px};
@@ -20,17 +20,14 @@ pub(super) fn cross_section(analysis: &Analysis) -> Sheet {
         Key::pen(Pen { width: 2.0, ..Pen::thin(palette::field(i)) }, field_name(*field))
     };
     Sheet {
-        class: "layout",
-        title: "Layout".into(),
         remark: format!(
             "To scale; rays of {} through the vertical diameter of the stop. Lost rays end in a dot.",
             wavelength_name(analysis.reference_um)
         ),
         keys: analysis.fields_deg.iter().enumerate().map(entry).collect(),
         alt: format!("Cross-section of {}: {} elements", analysis.name, analysis.layout.elements.len()),
-        width: WIDTH_PX,
         height: drawing.height(&view),
         body: html! { g transform=(format!("translate({} 0)", px(shift))) { (drawing.draw(&view)) } },
-        foot: foot(analysis),
+        ..blank(analysis, "layout", "Layout")
     }
 }

@@ -3,9 +3,9 @@
 use maud::html;
 use petzval_optics::analysis::{Analysis, Fan};
 
-use super::style::{are_own, field_name, foot, scales, wavelength_keys, wavelength_name, wavelength_pen};
+use super::style::{are_own, blank, field_name, scales, wavelength_keys, wavelength_name, wavelength_pen};
 use crate::palette::INK;
-use crate::plot::{Axis, Curve, Frame, Names, Sheet, WIDTH_PX, px, span};
+use crate::plot::{Axis, Curve, Frame, Names, Sheet, px, span};
 
 /// Size of a panel, distance of rows, px.
 const PANEL_PX: [f64; 2] = [352.0, 118.0];
@@ -90,8 +90,6 @@ fn fans(analysis: &Analysis, kind: &Kind) -> Sheet {
         }
     };
     Sheet {
-        class: kind.class,
-        title: kind.title.into(),
         remark: format!(
             "{}{}",
             kind.remark,
@@ -104,10 +102,9 @@ fn fans(analysis: &Analysis, kind: &Kind) -> Sheet {
             analysis.name,
             analysis.fans.len()
         ),
-        width: WIDTH_PX,
         height: TOP_PX + analysis.fans.len() as f64 * ROW_PX + 20.0,
         body,
-        foot: foot(analysis),
+        ..blank(analysis, kind.class, kind.title)
     }
 }
 

@@ -4,10 +4,10 @@ use maud::html;
 use petzval_optics::analysis::Analysis;
 
 use super::style::{
-    axis_with_zero, foot, has_one_field, section_keys, wavelength_keys, wavelength_name, wavelength_pen,
+    axis_with_zero, blank, has_one_field, section_keys, wavelength_keys, wavelength_name, wavelength_pen,
     without_curves,
 };
-use crate::plot::{Axis, Curve, Frame, Names, Pen, Sheet, WIDTH_PX, span};
+use crate::plot::{Axis, Curve, Frame, Names, Pen, Sheet, span};
 
 /// Height of both frames, px.
 const HEIGHT_PX: f64 = 420.0;
@@ -38,15 +38,12 @@ pub(super) fn field_curvature(analysis: &Analysis) -> Sheet {
         wavelength_name(analysis.reference_um)
     );
     Sheet {
-        class,
-        title: title.into(),
         remark,
         keys,
         alt: format!("Field curvature and distortion of {} over the field", analysis.name),
-        width: WIDTH_PX,
         height: HEIGHT_PX + 80.0,
         body,
-        foot: foot(analysis),
+        ..blank(analysis, class, title)
     }
 }
 

@@ -3,10 +3,10 @@
 use petzval_optics::analysis::Analysis;
 
 use super::field_curvature::{over_field, panel};
-use super::style::{foot, has_one_field, wavelength_keys, wavelength_name, wavelength_pen, without_curves};
+use super::style::{blank, has_one_field, wavelength_keys, wavelength_name, wavelength_pen, without_curves};
 use crate::number;
 use crate::palette::MUTED;
-use crate::plot::{Curve, Key, Pen, Sheet, WIDTH_PX};
+use crate::plot::{Curve, Key, Pen, Sheet};
 
 /// Heights of the chief rays of all wavelengths relative to that of the reference, with the edges of the Airy disk.
 pub(super) fn lateral_colour(analysis: &Analysis) -> Sheet {
@@ -29,14 +29,11 @@ pub(super) fn lateral_colour(analysis: &Analysis) -> Sheet {
         wavelength_name(analysis.reference_um)
     );
     Sheet {
-        class,
-        title: title.into(),
         remark,
         keys,
         alt: format!("Lateral colour of {} over the field", analysis.name),
-        width: WIDTH_PX,
         height: 500.0,
         body: panel(data, 70.0, 816.0, "", "lateral colour, µm", &curves),
-        foot: foot(analysis),
+        ..blank(analysis, class, title)
     }
 }

@@ -3,10 +3,10 @@
 use petzval_optics::analysis::{Analysis, MtfCurve};
 
 use super::style::{
-    field_keys, field_keys_with_method, field_pen, foot, method, section_curves, section_keys, short,
+    blank, field_keys, field_keys_with_method, field_pen, method, section_curves, section_keys, short,
 };
 use crate::palette::{LIMIT, MUTED};
-use crate::plot::{Axis, Curve, Frame, Key, Names, Pen, Sheet, WIDTH_PX};
+use crate::plot::{Axis, Curve, Frame, Key, Names, Pen, Sheet};
 
 /// The field between the axes, px.
 const SIZE_PX: [f64; 2] = [816.0, 420.0];
@@ -82,14 +82,11 @@ pub(super) fn sheet(
     body: maud::Markup,
 ) -> Sheet {
     Sheet {
-        class,
-        title: title.into(),
         remark: remark.into(),
         keys,
         alt: format!("{title} of {}", analysis.name),
-        width: WIDTH_PX,
         height: SIZE_PX[1] + 62.0,
         body,
-        foot: foot(analysis),
+        ..blank(analysis, class, title)
     }
 }

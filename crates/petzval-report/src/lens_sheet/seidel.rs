@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 use petzval_optics::analysis::{Analysis, ThirdOrder, ThirdOrderSurface};
 
-use super::style::{field_name, foot, wavelength_name};
+use super::style::{blank, field_name, wavelength_name};
 use crate::palette;
 use crate::palette::{GRID, INK, MUTED};
 use crate::plot::{Axis, Frame, Key, KeyLine, Names, Sheet, WIDTH_PX, px, span};
@@ -33,14 +33,10 @@ pub(super) fn sums(of: &ThirdOrderSurface) -> [f64; 7] {
 /// The diagram, or a remark if third-order theory does not cover the lens.
 pub(super) fn seidel(analysis: &Analysis) -> Sheet {
     let blank = Sheet {
-        class: "seidel",
-        title: "Seidel sums".into(),
         remark: "Third-order theory does not cover thin lenses and diffractive power.".into(),
         alt: format!("Seidel sums of {} by surface", analysis.name),
-        width: WIDTH_PX,
         height: 20.0,
-        foot: foot(analysis),
-        ..Sheet::default()
+        ..blank(analysis, "seidel", "Seidel sums")
     };
     let Some(order) = &analysis.third_order else { return blank };
     let groups = order.surfaces.len() + 1;

@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 use petzval_optics::analysis::{Analysis, SpotDiagram};
 
-use super::style::{are_own, field_name, foot, scales, short, wavelength_keys, wavelength_pen};
+use super::style::{are_own, blank, field_name, scales, short, wavelength_keys, wavelength_pen};
 use crate::number;
 use crate::palette::{AXIS, INK, MUTED, PAPER};
 use crate::plot::{Key, KeyLine, Sheet, WIDTH_PX, px, round_up};
@@ -55,17 +55,14 @@ pub(super) fn spots(analysis: &Analysis, side_um: Option<f64>) -> Sheet {
     let airy = analysis.spots.first().map_or(f64::NAN, |s| s.airy_radius_um);
     keys.push(Key::remark(format!("circle: Airy disk, radius {} µm", number::fixed(airy, 2))));
     Sheet {
-        class: "spots",
-        title: "Spot diagrams".into(),
         remark: format!(
             "{boxes} about the centroid of all light, y upwards; RMS and largest distance from there."
         ),
         keys,
         alt: format!("Spot diagrams of {} at {} fields", analysis.name, analysis.spots.len()),
-        width: WIDTH_PX,
         height: analysis.spots.len().div_ceil(columns) as f64 * step + 8.0,
         body,
-        foot: foot(analysis),
+        ..blank(analysis, "spots", "Spot diagrams")
     }
 }
 

@@ -122,17 +122,18 @@ pub(super) fn has_one_field(field_deg: &[f64]) -> bool {
     field_deg.windows(2).all(|pair| pair[0] == pair[1])
 }
 
+/// A sheet about a lens without a picture yet, as wide as the page.
+pub(super) fn blank(analysis: &Analysis, class: &'static str, title: &str) -> Sheet {
+    Sheet { class, title: title.into(), width: WIDTH_PX, foot: foot(analysis), ..Sheet::default() }
+}
+
 /// Replaces curves over the field if there is only one field.
 pub(super) fn without_curves(analysis: &Analysis, class: &'static str, title: &str) -> Sheet {
     Sheet {
-        class,
-        title: title.into(),
         remark: "The lens has only one field: there are no curves over the field.".into(),
         alt: format!("{title} of {}: there is only one field", analysis.name),
-        width: WIDTH_PX,
         height: 20.0,
-        foot: foot(analysis),
-        ..Sheet::default()
+        ..blank(analysis, class, title)
     }
 }
 

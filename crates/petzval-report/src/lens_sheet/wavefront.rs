@@ -3,9 +3,9 @@
 use maud::{Markup, html};
 use petzval_optics::analysis::{Analysis, Wavefront, ZERNIKE_TERMS};
 
-use super::style::{field_name, foot, scales, short, wavelength_name};
+use super::style::{blank, field_name, scales, short, wavelength_name};
 use crate::palette::{INK, MUTED};
-use crate::plot::{Axis, Frame, Names, Sheet, WIDTH_PX, px, span};
+use crate::plot::{Axis, Frame, Names, Sheet, px, span};
 use crate::{number, palette};
 
 /// Size of the bars' frame, height of a line of numbers, px.
@@ -44,8 +44,6 @@ pub(super) fn wavefront(analysis: &Analysis) -> Sheet {
     };
     let um = analysis.wavelengths_um.get(shown).copied().unwrap_or(f64::NAN);
     Sheet {
-        class: "wavefront",
-        title: "Wavefronts".into(),
         remark: format!(
             "Left: fringe Zernike terms 4 to {ZERNIKE_TERMS} at {}, waves. Right: errors from the sphere about the chief \
              ray, waves, and Strehl ratios.",
@@ -53,10 +51,9 @@ pub(super) fn wavefront(analysis: &Analysis) -> Sheet {
         ),
         keys: Vec::new(),
         alt: format!("Zernike coefficients, wavefront errors and Strehl ratios of {}", analysis.name),
-        width: WIDTH_PX,
         height: TOP_PX + analysis.wavefronts.len() as f64 * row_px + 16.0,
         body,
-        foot: foot(analysis),
+        ..blank(analysis, "wavefront", "Wavefronts")
     }
 }
 

@@ -10,7 +10,7 @@ use super::defaults::word;
 use super::failure::Failure;
 use super::plain::shown;
 use super::signals;
-use super::terminal::{Terminal, print_json};
+use super::terminal::{Terminal, print_response};
 
 /// Take pictures of your own with the cameras of a finished run: whole frames through lens, sensor, development and network.
 ///
@@ -67,12 +67,10 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     };
     let context = terminal.context().with_cancellation(signals::end_on_signal()?);
     let response = apply::run(&request, &context)?;
-    if args.json {
-        return print_json(&response);
-    }
-    for p in &response.pictures {
-        outln!("{}  {} x {}, {:.1} s", shown(&p.picture), p.width, p.height, p.seconds);
-    }
-    response.pages.iter().for_each(|page| outln!("{}", shown(page)));
-    Ok(Code::SUCCESS)
+    print_response(args.json, &response, || {
+        for p in &response.pictures {
+            outln!("{}  {} x {}, {:.1} s", shown(&p.picture), p.width, p.height, p.seconds);
+        }
+        response.pages.iter().for_each(|page| outln!("{}", shown(page)));
+    })
 }

@@ -9,7 +9,7 @@ use crate::jobs::{Call, ErrorReport, Event, JobError, Watcher, jobs};
 use serde::Serialize;
 
 use super::failure::Failure;
-use super::terminal::{Terminal, print_json};
+use super::terminal::{Terminal, print_json, print_response};
 use super::{output, plain, signals};
 
 /// Run a job that is written as JSON, and print its response as JSON.
@@ -101,11 +101,9 @@ pub struct JobsArgs {
 
 /// Runs the verb.
 pub fn list(args: JobsArgs) -> Result<Code, Failure> {
-    if args.json {
-        return print_json(&jobs());
-    }
-    for job in jobs() {
-        outln!("{:<20} {}", job.name, job.about);
-    }
-    Ok(Code::SUCCESS)
+    print_response(args.json, &jobs(), || {
+        for job in jobs() {
+            outln!("{:<20} {}", job.name, job.about);
+        }
+    })
 }

@@ -8,7 +8,7 @@ use crate::jobs::compare::{self, Request};
 use super::defaults::word;
 use super::failure::Failure;
 use super::plain::shown;
-use super::terminal::{Terminal, print_json};
+use super::terminal::{Terminal, print_response};
 
 /// Put finished runs on one page. It has tables with means over seeds, the share of the gap to perfect optics that is closed, and the
 /// figures of the paper. Lenses, curves and the same pictures by every camera follow.
@@ -41,11 +41,9 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let request =
         Request { runs: args.runs, out: args.out, csv: args.csv, accept_changed: args.accept_changed };
     let response = compare::run(&request, &terminal.context())?;
-    if args.json {
-        return print_json(&response.comparisons);
-    }
-    outln!("{}", response.markdown);
-    outln!("page: {}", shown(&response.page));
-    request.csv.iter().for_each(|path| outln!("figures: {}", shown(path)));
-    Ok(Code::SUCCESS)
+    print_response(args.json, &response.comparisons, || {
+        outln!("{}", response.markdown);
+        outln!("page: {}", shown(&response.page));
+        request.csv.iter().for_each(|path| outln!("figures: {}", shown(path)));
+    })
 }

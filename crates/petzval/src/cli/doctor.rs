@@ -75,14 +75,7 @@ fn print_check(check: &DeviceReport) {
     let title = [&**device, name, driver].into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>();
     outln!();
     outln!("check of {}; differences by the largest value, {tolerance:.0e} is allowed", title.join(", "));
-    outln!(
-        "{:>9} {:>9} {:>9} {:>10} {:>10}  convolution",
-        "forward",
-        "by input",
-        "by weight",
-        "device ms",
-        "CPU ms"
-    );
+    outln!("  forward  by input by weight  device ms     CPU ms  convolution");
     for one in convolutions {
         let errors = one.errors.map_or_else(
             || format!("{:>9} {:>9} {:>9}", "-", "-", "-"),

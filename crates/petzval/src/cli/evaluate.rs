@@ -17,7 +17,7 @@ use super::number::figure;
 use super::plain::shown;
 use super::score_table;
 use super::signals;
-use super::terminal::{Terminal, print_json};
+use super::terminal::{Terminal, print_response};
 
 /// Score the cameras of a finished run again: lenses by exact tracing, pictures on the held-out photographs.
 ///
@@ -98,24 +98,23 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         made,
     };
     let response = evaluate::run(&request, &terminal.context().with_cancellation(signals::end_on_signal()?))?;
-    if args.json {
-        return print_json(&response);
-    }
-    let evaluate::Response { metrics, other_pictures, differences, made, .. } = response;
-    score_table::print(&metrics);
-    if let Some(place) = other_pictures {
-        print_ranges(&metrics);
-        print_differences(&metrics, &differences);
-        outln!("other pictures than those of the run: {}", shown(&place));
-    }
-    if let Some(largest) = response.largest_difference_from_run {
-        let of = response.largest_difference_of.map_or_else(String::new, |of| format!(" ({of})"));
-        outln!("largest difference from the run's own figures: {largest:.3e}{of}");
-    }
-    if let Some(made) = made {
-        print_made(&made);
-    }
-    Ok(Code::SUCCESS)
+    print_response(args.json, &response, || {
+        let evaluate::Response { metrics, other_pictures, differences, made, .. } = &response;
+        score_table::print(metrics);
+        if let Some(place) = other_pictures {
+            print_ranges(metrics);
+            print_differences(metrics, differences);
+            outln!("other pictures than those of the run: {}", shown(place));
+        }
+        if let Some(largest) = response.largest_difference_from_run {
+            let of =
+                response.largest_difference_of.as_ref().map_or_else(String::new, |of| format!(" ({of})"));
+            outln!("largest difference from the run's own figures: {largest:.3e}{of}");
+        }
+        if let Some(made) = made {
+            print_made(made);
+        }
+    })
 }
 
 /// Prints the 95 % range of every score.
@@ -178,16 +177,7 @@ fn source(name: PathBuf) -> Result<LensTolerances, Failure> {
 
 /// Prints what tolerances leave of the scores.
 fn print_made(made: &MadeMetrics) {
-    outln!(
-        "\n{:<16} {:<12} {:>9} {:>9} {:>11} {:>9} {:>10}",
-        "as made",
-        "score",
-        "as drawn",
-        "mean",
-        "90 % reach",
-        "limit",
-        "reach it %"
-    );
+    outln!("\nas made          score         as drawn      mean  90 % reach     limit reach it %");
     for row in &made.rows {
         for score in &made.scores {
             let (figures, d) = (&row.scores[&score.name], score.decimals);

@@ -9,7 +9,7 @@ use crate::jobs::init::{self, Request};
 use super::defaults::word;
 use super::failure::Failure;
 use super::plain::shown;
-use super::terminal::{Terminal, print_json};
+use super::terminal::{Terminal, print_response};
 
 /// Write an experiment with its lens and its sensor as files of your own, to edit and run.
 ///
@@ -58,18 +58,16 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         data: args.data,
     };
     let response = init::run(&request, &terminal.context())?;
-    if args.json {
-        return print_json(&response);
-    }
-    let variables = if response.gave_variables {
-        "  with variables that the file did not name: look at their bounds"
-    } else {
-        ""
-    };
-    outln!("{}{variables}", shown(&response.lens));
-    outln!("{}", shown(&response.sensor));
-    outln!("{}", shown(&response.experiment));
-    let photos = if response.needs_gray_photos { " --photos FOLDER_OF_GRAY_PHOTOGRAPHS" } else { "" };
-    outln!("\nnext: petzval design {}{photos}", pasted(&response.experiment));
-    Ok(Code::SUCCESS)
+    print_response(args.json, &response, || {
+        let variables = if response.gave_variables {
+            "  with variables that the file did not name: look at their bounds"
+        } else {
+            ""
+        };
+        outln!("{}{variables}", shown(&response.lens));
+        outln!("{}", shown(&response.sensor));
+        outln!("{}", shown(&response.experiment));
+        let photos = if response.needs_gray_photos { " --photos FOLDER_OF_GRAY_PHOTOGRAPHS" } else { "" };
+        outln!("\nnext: petzval design {}{photos}", pasted(&response.experiment));
+    })
 }

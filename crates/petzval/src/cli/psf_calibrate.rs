@@ -7,7 +7,7 @@ use crate::jobs::psf_calibrate::{self, Figures, HeldOutBy};
 
 use super::failure::Failure;
 use super::plain::shown;
-use super::terminal::{Terminal, print_json};
+use super::terminal::{Terminal, print_response};
 
 /// Measure point-spread functions from captures of a pinhole.
 ///
@@ -52,12 +52,10 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         seed: args.seed,
     };
     let response = psf_calibrate::run(&request, &terminal.context())?;
-    if args.json {
-        return print_json(&response.figures);
-    }
-    out!("{}", summary(&response.figures));
-    outln!("\nresults in {}; open psf-calibration.html", shown(&response.out));
-    Ok(Code::SUCCESS)
+    print_response(args.json, &response.figures, || {
+        out!("{}", summary(&response.figures));
+        outln!("\nresults in {}; open psf-calibration.html", shown(&response.out));
+    })
 }
 
 /// One line for each position, and one for each field of the bank.

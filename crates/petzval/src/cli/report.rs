@@ -8,7 +8,7 @@ use crate::jobs::report;
 use super::failure::Failure;
 use super::plain::shown;
 use super::studio::{self, Serve};
-use super::terminal::{Terminal, print_json};
+use super::terminal::{Terminal, print_response};
 
 /// Write report.html of a finished run again, from the contents of its folder.
 ///
@@ -57,9 +57,5 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     }
     let request = report::Request { run: args.run, photo: args.photo, accept_changed: args.accept_changed };
     let response = report::run(&request, &context)?;
-    if args.json {
-        return print_json(&response);
-    }
-    outln!("{}", shown(&response.report));
-    Ok(Code::SUCCESS)
+    print_response(args.json, &response, || outln!("{}", shown(&response.report)))
 }

@@ -9,7 +9,7 @@ use crate::units::runs::{RunRow, RunState, Runs, USUAL_FOLDER, runs_in};
 use super::failure::Failure;
 use super::plain::{self, shown};
 use super::signals;
-use super::terminal::{Terminal, print_json};
+use super::terminal::{Terminal, print_response};
 use super::text_table::TextTable;
 
 /// List all runs below a folder: how far each has come, its scores, and in which keys of their experiments they differ.
@@ -49,11 +49,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         }
     }
     let runs = runs_in(&args.dir, &context.with_cancellation(signals::end_on_signal()?))?;
-    if args.json {
-        return print_json(&runs);
-    }
-    out!("{}", in_words(&runs, &args));
-    Ok(Code::SUCCESS)
+    print_response(args.json, &runs, || out!("{}", in_words(&runs, &args)))
 }
 
 /// Keys that a line names of those that differ.

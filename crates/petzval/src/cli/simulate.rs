@@ -9,7 +9,7 @@ use super::choice::choice;
 use super::defaults::word;
 use super::failure::Failure;
 use super::signals;
-use super::terminal::{Terminal, print_json};
+use super::terminal::{Terminal, print_response};
 
 /// The light, and the sampling of its spectrum.
 #[derive(Debug, clap::Args)]
@@ -181,15 +181,13 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let context = terminal.context().with_cancellation(signals::end_on_signal()?);
     let response = simulate::run(&request, &context)?;
     drop(context);
-    if args.json {
-        return print_json(&response.images);
-    }
-    for image in &response.images {
-        for file in ["raw", "developed", "isp"].iter().filter_map(|file| image.get(*file)?.as_str()) {
-            outln!("{file}");
+    print_response(args.json, &response.images, || {
+        for image in &response.images {
+            for file in ["raw", "developed", "isp"].iter().filter_map(|file| image.get(*file)?.as_str()) {
+                outln!("{file}");
+            }
         }
-    }
-    Ok(Code::SUCCESS)
+    })
 }
 
 /// Rows and columns of `480x640`.

@@ -52,6 +52,19 @@ pub fn print_json(value: &impl Serialize) -> Result<Code, Failure> {
     Ok(Code::SUCCESS)
 }
 
+/// Prints a response on stdout: as JSON, or in words by a function that prints them.
+pub fn print_response(
+    as_json: bool,
+    response: &impl Serialize,
+    in_words: impl FnOnce(),
+) -> Result<Code, Failure> {
+    if as_json {
+        return print_json(response);
+    }
+    in_words();
+    Ok(Code::SUCCESS)
+}
+
 /// The response of a job that has ended, or that was cancelled and holds what it has found until then. Then it is interrupted: the second value
 /// says where it stopped.
 pub fn found<R: DeserializeOwned>(ended: Result<R, JobError>) -> Result<(R, Option<Stopped>), Failure> {
@@ -86,10 +99,6 @@ pub fn print_found<R: Serialize + DeserializeOwned>(
 ) -> Result<Code, Failure> {
     let (response, stopped) = found(ended)?;
     drop(context);
-    if as_json {
-        print_json(&response)?;
-    } else {
-        out!("{}", summary(&response));
-    }
+    print_response(as_json, &response, || out!("{}", summary(&response)))?;
     Ok(ending(stopped.as_ref(), RESUME))
 }

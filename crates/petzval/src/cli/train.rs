@@ -2,6 +2,7 @@
 
 mod isp_proxy;
 mod optics_proxy;
+mod request;
 
 use clap::Subcommand;
 

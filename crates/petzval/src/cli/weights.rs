@@ -8,7 +8,7 @@ use crate::cli::code::Code;
 use crate::cli::failure::Failure;
 use crate::cli::number::six_digits;
 use crate::cli::plain::shown;
-use crate::cli::terminal::{Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_response};
 use crate::cli::text_table::TextTable;
 
 /// List the weights of a network by name, shape and size, and write them to a safetensors file.
@@ -41,20 +41,18 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let names = if args.torchvision { WeightNames::Torchvision } else { WeightNames::Petzval };
     let Args { weights, to, camera, kind, .. } = args;
     let response = weights::run(&weights::Request { weights, camera, kind, to, names }, &terminal.context())?;
-    if args.json {
-        return print_json(&response);
-    }
-    let mut table = TextTable::new(["weight", "shape", "RMS"]);
-    let mut numbers = 0;
-    for row in &response.weights {
-        let shape: Vec<String> = row.shape.iter().map(usize::to_string).collect();
-        numbers += row.shape.iter().product::<usize>();
-        table.row([row.name.clone(), shape.join(" x "), six_digits(row.rms)]);
-    }
-    out!("{}", table.text());
-    outln!("{}: {} weights, {numbers} numbers", response.kind, response.weights.len());
-    if let Some(to) = &response.to {
-        outln!("{}", shown(to));
-    }
-    Ok(Code::SUCCESS)
+    print_response(args.json, &response, || {
+        let mut table = TextTable::new(["weight", "shape", "RMS"]);
+        let mut numbers = 0;
+        for row in &response.weights {
+            let shape: Vec<String> = row.shape.iter().map(usize::to_string).collect();
+            numbers += row.shape.iter().product::<usize>();
+            table.row([row.name.clone(), shape.join(" x "), six_digits(row.rms)]);
+        }
+        out!("{}", table.text());
+        outln!("{}: {} weights, {numbers} numbers", response.kind, response.weights.len());
+        if let Some(to) = &response.to {
+            outln!("{}", shown(to));
+        }
+    })
 }

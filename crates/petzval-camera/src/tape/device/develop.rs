@@ -13,12 +13,12 @@ use super::bordered::{
     BARS, BORDER, GREEN, NUMBERS, Sizes, SizesLaunch, Step, colour, is_within, margin_of, mirrored, place,
 };
 use super::develop_back::{begin_back, fold, measured_back, step_back};
-use super::{buffers, empty, given, groups, is_served, numbers, taken, words};
+use super::{buffers, empty, given, groups, numbers, taken, words};
 use crate::develop::{Demosaic, Domain, Stabiliser, dark_mean_dn, light_per_dn};
 use crate::image::CHANNELS;
 use crate::sensor::Colour;
 use crate::tape::develop_op::DevelopKernel;
-use crate::tape::{BackwardPass, DeviceForm};
+use crate::tape::{BackwardPass, DeviceForm, is_served};
 
 /// A batch with what its kernels read.
 struct Frames {

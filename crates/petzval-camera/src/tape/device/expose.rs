@@ -10,7 +10,7 @@ use burn_cubecl::tensor::CubeTensor;
 use petzval_base::random::Stage;
 
 use super::draws::{At, CORRECTIONS, first, normals, pair, poisson, rare_exponential};
-use super::{buffers, empty, given, groups, is_served, numbers, taken, words};
+use super::{buffers, empty, given, groups, numbers, taken, words};
 use crate::image::CHANNELS;
 use crate::sensor::{Electronics, NoiseMode, shared_lines};
 use crate::tape::expose_op::ExposeKernel;
@@ -109,10 +109,6 @@ impl ExposeKernel {
 }
 
 impl DeviceForm for ExposeKernel {
-    fn serves(&self, input: &DispatchTensor) -> bool {
-        is_served(input)
-    }
-
     fn forward(&self, inputs: &[DispatchTensor], _: &[bool]) -> DispatchTensor {
         let Inputs { irradiance, numbers, words, lines, tile } = self.inputs(&inputs[0]);
         let dn = empty(&irradiance, self.shape);

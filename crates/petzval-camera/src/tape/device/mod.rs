@@ -12,19 +12,12 @@ mod expose;
 mod render;
 mod restore;
 
-use burn::backend::{
-    BackendTensor, Cube, DispatchKindConversion, DispatchTensor, DispatchTensorKind, TensorMetadata,
-};
+use burn::backend::{BackendTensor, Cube, DispatchKindConversion, DispatchTensor, TensorMetadata};
 use burn::tensor::{DType, Shape};
 use burn_cubecl::cubecl::prelude::*;
 use burn_cubecl::kernel::into_contiguous;
 use burn_cubecl::ops::numeric::empty_device_contiguous_dtype;
 use burn_cubecl::tensor::CubeTensor;
-
-/// True for tensors of f32 on a device.
-pub fn is_served(input: &DispatchTensor) -> bool {
-    matches!(&input.kind, DispatchTensorKind::Cube(tensor) if tensor.dtype() == DType::F32)
-}
 
 /// The tensor of a device as it lies in memory; none of other devices, or with a tape.
 pub fn tensor_of(tensor: &DispatchTensor) -> Option<CubeTensor> {

@@ -6,7 +6,7 @@ use burn_cubecl::cubecl::prelude::*;
 use burn_cubecl::tensor::CubeTensor;
 
 use super::convolve::{Blend, support};
-use super::{buffers, empty, given, groups, is_served, numbers, read, shaped, taken, words};
+use super::{buffers, empty, given, groups, numbers, read, shaped, taken, words};
 use crate::image::CHANNELS;
 use crate::psf::PsfLayout;
 use crate::render::{PatchKernels, Placement, RenderGeometry, patch_kernels, patch_kernels_adjoint};
@@ -48,10 +48,6 @@ impl RenderKernel {
 }
 
 impl DeviceForm for RenderKernel {
-    fn serves(&self, input: &DispatchTensor) -> bool {
-        is_served(input)
-    }
-
     fn forward(&self, inputs: &[DispatchTensor], _: &[bool]) -> DispatchTensor {
         let psfs = taken(&inputs[0]);
         let kernels = self.kernels(&psfs);
@@ -71,10 +67,6 @@ impl DeviceForm for RenderKernel {
 }
 
 impl DeviceForm for IlluminationKernel {
-    fn serves(&self, input: &DispatchTensor) -> bool {
-        is_served(input)
-    }
-
     fn forward(&self, inputs: &[DispatchTensor], _: &[bool]) -> DispatchTensor {
         let [_, _, height, width] = self.shape;
         let table = taken(&inputs[0]);

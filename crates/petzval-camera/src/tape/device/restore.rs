@@ -11,7 +11,7 @@ use burn_cubecl::tensor::CubeTensor;
 use super::convolve::{Blend, whole};
 use super::draws::exp;
 use super::render::by_psfs;
-use super::{buffers, empty, given, groups, is_served, numbers, read, taken, words};
+use super::{buffers, empty, given, groups, numbers, read, taken, words};
 use crate::image::CHANNELS;
 use crate::render::{KNOTS, PatchKernels, WienerGrid, patch_kernels};
 use crate::tape::render_op::CHECKED;
@@ -132,10 +132,6 @@ impl RestoreKernel {
 }
 
 impl DeviceForm for RestoreKernel {
-    fn serves(&self, input: &DispatchTensor) -> bool {
-        is_served(input)
-    }
-
     fn forward(&self, inputs: &[DispatchTensor], _: &[bool]) -> DispatchTensor {
         let pictures = taken(&inputs[0]);
         let Filters { blend, grid, filters, .. } = self.filters(&pictures, inputs);

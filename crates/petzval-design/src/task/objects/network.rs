@@ -6,10 +6,7 @@ use burn::module::Module;
 use burn::optim::ModuleOptimizer;
 use burn::prelude::*;
 use petzval_learn::dataset::Classes;
-use petzval_learn::detection::{
-    AnyDetector, BackboneKind, Detection, Detector, DetectorKind, Truth, WeightsOf, Zoom, Zoomed,
-};
-use petzval_learn::loss::{LossError, NamedLoss};
+use petzval_learn::detection::{AnyDetector, BackboneKind, Detector, DetectorKind, WeightsOf, Zoom, Zoomed};
 use petzval_learn::optimizer::muon_and_adam;
 use petzval_learn::weight_file::Weights;
 
@@ -23,33 +20,6 @@ use crate::experiment::{DetectorConfig, Experiment};
 pub enum DetectorNetwork {
     /// Of any kind.
     Detector(AnyDetector),
-}
-
-impl DetectorNetwork {
-    fn detector(&self) -> &AnyDetector {
-        let Self::Detector(detector) = self;
-        detector
-    }
-}
-
-impl Detector for DetectorNetwork {
-    fn look(&self, pictures: Tensor<4>) -> Vec<Tensor<4>> {
-        self.detector().look(pictures)
-    }
-
-    fn loss_of_look(
-        &self,
-        look: Vec<Tensor<4>>,
-        picture: [usize; 2],
-        truths: &[Truth],
-        seed: u64,
-    ) -> Result<NamedLoss, LossError> {
-        self.detector().loss_of_look(look, picture, truths, seed)
-    }
-
-    fn detect(&self, pictures: Tensor<4>) -> Result<Vec<Vec<Detection>>, LossError> {
-        self.detector().detect(pictures)
-    }
 }
 
 /// What looks for objects in the finished pictures of a camera.
@@ -75,16 +45,17 @@ impl CameraNetwork for Finding {
     }
 
     fn optimizer(&self, network: &DetectorNetwork) -> ModuleOptimizer {
-        muon_and_adam(network.detector())
+        let DetectorNetwork::Detector(detector) = network;
+        muon_and_adam(detector)
     }
 }
 
 /// A detector that sees its pictures enlarged.
-fn zoomed(network: DetectorNetwork, sight: Sight) -> Box<dyn Detector> {
+fn zoomed(DetectorNetwork::Detector(detector): DetectorNetwork, sight: Sight) -> Box<dyn Detector> {
     if sight.zoom == 1.0 {
-        return Box::new(network);
+        return Box::new(detector);
     }
-    Box::new(Zoomed::new(network, Zoom::Times(sight.zoom)))
+    Box::new(Zoomed::new(detector, Zoom::Times(sight.zoom)))
 }
 
 /// The detector of a block with its weights held, so that no picture leaves anything in memory for a gradient; none if it holds another network.

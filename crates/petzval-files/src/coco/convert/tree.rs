@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 
-use petzval_base::{Cancel, FileError};
+use petzval_base::{Cancel, FileError, IoError};
 
 use super::builder::PLAIN_FOLDERS;
 use crate::coco::bounded::read_bounded;
@@ -32,8 +32,8 @@ pub(super) fn files_below(root: &Path, cancel: &Cancel) -> Result<Vec<PathBuf>, 
     let (mut found, mut open) = (Vec::new(), vec![(root.to_owned(), 0)]);
     while let Some((folder, depth)) = open.pop() {
         cancel.check()?;
-        for entry in std::fs::read_dir(&folder).map_err(CocoError::io(&folder))? {
-            let entry = entry.map_err(CocoError::io(&folder))?;
+        for entry in std::fs::read_dir(&folder).map_err(IoError::at(&folder))? {
+            let entry = entry.map_err(IoError::at(&folder))?;
             let path = entry.path();
             if entry.file_name().as_encoded_bytes().starts_with(b".") {
                 continue;

@@ -7,7 +7,8 @@ use petzval_design::evolution::Evolution;
 use serde::{Deserialize, Serialize};
 
 use super::plan::Plan;
-use crate::error::{JobError, Result, json, make_folder, write_file};
+use crate::error::{JobError, Result, json, write_file};
+use crate::state_file::{make_new_folder, read_state};
 
 /// All that a search needs to continue.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -79,11 +80,7 @@ impl TuneFolder {
     /// Makes the folder; refuses one that already holds a search.
     pub fn create(root: &Path) -> Result<Self> {
         let folder = Self(root.to_owned());
-        if folder.state().exists() {
-            let hint = "continue it with --resume, or choose another folder";
-            return Err(JobError::setting("out", root.display(), "this folder already holds a search", hint));
-        }
-        make_folder(root)?;
+        make_new_folder(root, &folder.state(), "search")?;
         Ok(folder)
     }
 
@@ -95,16 +92,8 @@ impl TuneFolder {
     /// Reads the search in a folder.
     pub fn open(root: &Path) -> Result<(Self, Checkpoint)> {
         let folder = Self(root.to_owned());
-        let path = folder.state();
-        let wrong = |message: String| {
-            JobError::input(
-                format!("{}: {message}", path.display()),
-                "--resume takes the --out folder of an earlier `isp tune`",
-            )
-        };
-        let text = petzval_base::read_text(&path).map_err(|e| wrong(e.to_string()))?;
-        let kept = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
-        petzval_base::sweep_parts(root);
+        let hint = "--resume takes the --out folder of an earlier `isp tune`";
+        let kept = read_state(root, &folder.state(), hint)?;
         Ok((folder, kept))
     }
 

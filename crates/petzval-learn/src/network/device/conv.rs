@@ -16,7 +16,7 @@ use petzval_camera::tape::{BackwardPass, DeviceForm};
 use crate::network::conv::ConvLeaky;
 
 use super::sums::sum_of_parts;
-use super::{address_type, empty, given, is_served, tensors};
+use super::{address_type, empty, given, tensors};
 
 /// Units of a cube that takes cotangents back.
 const UNITS: usize = 256;
@@ -31,10 +31,6 @@ const VALUES_OF_A_UNIT: usize = 128;
 const COMPARED: &str = "the layer has compared the shapes";
 
 impl DeviceForm for ConvLeaky {
-    fn serves(&self, input: &DispatchTensor) -> bool {
-        is_served(input)
-    }
-
     fn forward(&self, inputs: &[DispatchTensor], _: &[bool]) -> DispatchTensor {
         let [x, weight, bias] = inputs else { unreachable!("three inputs") };
         let [x, weight, bias] = tensors([x, weight, bias]);

@@ -16,7 +16,7 @@ use crate::network::depthwise::Depthwise;
 
 use super::pixels::units;
 use super::sums::sum_of_parts;
-use super::{address_type, empty, given, is_served, tensors};
+use super::{address_type, empty, given, tensors};
 
 /// Kernels up to this size have their loops written out.
 const WRITTEN_OUT: usize = 7;
@@ -31,10 +31,6 @@ const UNITS: [usize; 2] = [32, 8];
 const PIXELS_OF_A_PART: usize = 8192;
 
 impl DeviceForm for Depthwise {
-    fn serves(&self, input: &DispatchTensor) -> bool {
-        is_served(input)
-    }
-
     fn forward(&self, inputs: &[DispatchTensor], _: &[bool]) -> DispatchTensor {
         let [x, weight, bias] = inputs else { unreachable!("three inputs") };
         let [x, weight, bias] = tensors([x, weight, bias]);

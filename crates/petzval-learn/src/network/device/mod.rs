@@ -16,7 +16,7 @@ mod sums;
 use burn::backend::DispatchTensor;
 use burn_cubecl::cubecl::prelude::AddressType;
 use burn_cubecl::tensor::CubeTensor;
-use petzval_camera::tape::device::{empty, given, is_served, tensor_of};
+use petzval_camera::tape::device::{empty, given, tensor_of};
 
 /// The tensors of the back end.
 ///

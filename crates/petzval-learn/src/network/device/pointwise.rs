@@ -13,13 +13,9 @@ use crate::network::pointwise_kernel::Prologue;
 use super::gate::{gated, ungated};
 use super::normalization::{denormalized, moments_of, normalized};
 use super::products::sums_of_products;
-use super::{given, is_served, tensors};
+use super::{given, tensors};
 
 impl DeviceForm for Pointwise {
-    fn serves(&self, input: &DispatchTensor) -> bool {
-        is_served(input)
-    }
-
     fn forward(&self, inputs: &[DispatchTensor], _: &[bool]) -> DispatchTensor {
         let [x, weight, bias] = inputs else { unreachable!("three inputs") };
         let [picture] = tensors([x]);

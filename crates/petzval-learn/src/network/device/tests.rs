@@ -8,7 +8,7 @@ use std::sync::OnceLock;
 use burn::prelude::*;
 use burn::tensor::DType;
 use petzval_camera::device::facts;
-use petzval_camera::tape::computes_in_place;
+use petzval_camera::tape::{computes_in_place, is_served};
 
 use crate::network::depthwise::Depthwise;
 use crate::network::pointwise::Pointwise;
@@ -158,7 +158,7 @@ fn the_forms_serve_32_bits_on_the_device_and_nothing_else() {
     let gate = Pointwise(Prologue::Gate);
     assert!(computes_in_place(&Depthwise, &x) && computes_in_place(&gate, &x));
     assert!(computes_in_place(&gate, &x.clone().without_autodiff()));
-    assert!(!super::is_served(&on_cpu.clone().into_dispatch()));
+    assert!(!is_served(&on_cpu.clone().into_dispatch()));
     let double = on_cpu.cast(DType::F64);
     assert!(!computes_in_place(&Depthwise, &double) && !computes_in_place(&gate, &double));
     if device.supports_dtype(DType::F16) {

@@ -5,7 +5,7 @@ use crate::jobs::glass::find;
 use crate::cli::code::Code;
 use crate::cli::failure::Failure;
 use crate::cli::number::figure;
-use crate::cli::terminal::{Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_response};
 
 /// Find glasses. The distance is sqrt((dnd / 0.01)^2 + dVd^2): 0.01 of index counts as much as 1 of Abbe number.
 #[derive(Debug, clap::Args)]
@@ -40,22 +40,20 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         obsolete: args.obsolete,
     };
     let response = find::run(&request, &terminal.context())?;
-    if args.json {
-        return print_json(&response.glasses);
-    }
-    outln!("glass             maker       nd       Vd       PgF      distance  status");
-    for glass in &response.glasses {
-        let line = format!(
-            "{:<17} {:<10} {:>8} {:>7}  {:>8}  {:>8.3}  {}",
-            glass.name,
-            glass.maker,
-            figure(glass.nd, 5),
-            figure(glass.vd, 2),
-            figure(glass.p_gf, 4),
-            glass.distance,
-            glass.status.as_deref().unwrap_or_default()
-        );
-        outln!("{}", line.trim_end());
-    }
-    Ok(Code::SUCCESS)
+    print_response(args.json, &response.glasses, || {
+        outln!("glass             maker       nd       Vd       PgF      distance  status");
+        for glass in &response.glasses {
+            let line = format!(
+                "{:<17} {:<10} {:>8} {:>7}  {:>8}  {:>8.3}  {}",
+                glass.name,
+                glass.maker,
+                figure(glass.nd, 5),
+                figure(glass.vd, 2),
+                figure(glass.p_gf, 4),
+                glass.distance,
+                glass.status.as_deref().unwrap_or_default()
+            );
+            outln!("{}", line.trim_end());
+        }
+    })
 }

@@ -5,7 +5,7 @@ use crate::jobs::glass::show::{self, PATH_MM};
 use crate::cli::code::Code;
 use crate::cli::failure::Failure;
 use crate::cli::number::figure;
-use crate::cli::terminal::{Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_response};
 
 /// Show a glass of the catalogue.
 #[derive(Debug, clap::Args)]
@@ -27,11 +27,7 @@ pub struct Args {
 pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let request = show::Request { name: args.name, temperature: args.temperature, pressure: args.pressure };
     let response = show::run(&request, &terminal.context())?;
-    if args.json {
-        return print_json(&response.glass);
-    }
-    print(&response);
-    Ok(Code::SUCCESS)
+    print_response(args.json, &response.glass, || print(&response))
 }
 
 fn print(response: &show::Response) {

@@ -11,7 +11,7 @@ use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
 use crate::cli::signals;
-use crate::cli::terminal::{Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_response};
 
 /// Take a test chart through a lens onto a sensor, develop it with an ISP, and measure the picture.
 ///
@@ -96,11 +96,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let context = terminal.context().with_cancellation(signals::end_on_signal()?);
     let response = chart::run(&request, &context)?;
     drop(context);
-    if args.json {
-        return print_json(&response);
-    }
-    out!("{}", table(&response));
-    Ok(Code::SUCCESS)
+    print_response(args.json, &response, || out!("{}", table(&response)))
 }
 
 /// The gray patches of the ColorChecker.

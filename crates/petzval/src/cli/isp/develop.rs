@@ -13,7 +13,7 @@ use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
 use crate::cli::signals;
-use crate::cli::terminal::{Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_response};
 
 /// Develop raw frames to pictures, NAME.* to NAME.png.
 ///
@@ -135,14 +135,12 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let context = terminal.context().with_cancellation(signals::end_on_signal()?);
     let response = develop::run(&request, &context)?;
     drop(context);
-    if args.json {
-        return print_json(&response.pictures);
-    }
-    for developed in &response.pictures {
-        outln!("{}", shown(&developed.picture));
-        if let Some(strip) = &developed.strip {
-            outln!("{}", shown(strip));
+    print_response(args.json, &response.pictures, || {
+        for developed in &response.pictures {
+            outln!("{}", shown(&developed.picture));
+            if let Some(strip) = &developed.strip {
+                outln!("{}", shown(strip));
+            }
         }
-    }
-    Ok(Code::SUCCESS)
+    })
 }

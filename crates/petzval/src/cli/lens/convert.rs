@@ -7,7 +7,7 @@ use crate::jobs::lens::convert;
 use crate::cli::code::Code;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
-use crate::cli::terminal::{Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_response};
 
 /// Convert a lens between the formats of Petzval (.toml), Zemax (.zmx) and CODE V (.seq); files of Optiland (.json) are read, too. The
 /// endings of the names choose them.
@@ -30,15 +30,13 @@ pub struct Args {
 pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let response =
         convert::run(&convert::Request { from: args.from.into(), to: args.to }, &terminal.context())?;
-    if args.json {
-        return print_json(&response);
-    }
-    let (from, to) = (Path::new(&response.from), response.to.as_path());
-    for (losses, file) in [(&response.losses_of_reading, from), (&response.losses_of_writing, to)] {
-        for loss in losses {
-            noteln!("{}: {}", loss.effect.name(), shown(loss.in_file(file)));
+    print_response(args.json, &response, || {
+        let (from, to) = (Path::new(&response.from), response.to.as_path());
+        for (losses, file) in [(&response.losses_of_reading, from), (&response.losses_of_writing, to)] {
+            for loss in losses {
+                noteln!("{}: {}", loss.effect.name(), shown(loss.in_file(file)));
+            }
         }
-    }
-    outln!("{}", shown(to));
-    Ok(Code::SUCCESS)
+        outln!("{}", shown(to));
+    })
 }

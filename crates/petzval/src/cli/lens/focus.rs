@@ -9,7 +9,7 @@ use crate::cli::code::Code;
 use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
-use crate::cli::terminal::{Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_response};
 
 /// Move the image plane of a lens to its best focus, and write the lens to another file.
 ///
@@ -34,19 +34,17 @@ pub struct Args {
 pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let request = focus::Request { lens: args.lens.into(), focus: args.at, to: args.to };
     let response = focus::run(&request, &terminal.context())?;
-    if args.json {
-        return print_json(&response);
-    }
-    let spot = |um: Option<f64>| um.map_or_else(|| "no image".to_owned(), |um| format!("{um:.2} um"));
-    let (before, now) = (response.image_distance_before_mm, response.image_distance_mm);
-    outln!("{}", response.name);
-    outln!("  image plane  {now:.6} mm from the last vertex, {:+.6} mm from where it was", now - before);
-    outln!("  RMS spot     {}, before {}", spot(response.rms_spot_um), spot(response.rms_spot_before_um));
-    if let Some(to) = &response.to {
-        for loss in &response.losses_of_writing {
-            noteln!("{}: {}", loss.effect.name(), shown(loss.in_file(to)));
+    print_response(args.json, &response, || {
+        let spot = |um: Option<f64>| um.map_or_else(|| "no image".to_owned(), |um| format!("{um:.2} um"));
+        let (before, now) = (response.image_distance_before_mm, response.image_distance_mm);
+        outln!("{}", response.name);
+        outln!("  image plane  {now:.6} mm from the last vertex, {:+.6} mm from where it was", now - before);
+        outln!("  RMS spot     {}, before {}", spot(response.rms_spot_um), spot(response.rms_spot_before_um));
+        if let Some(to) = &response.to {
+            for loss in &response.losses_of_writing {
+                noteln!("{}: {}", loss.effect.name(), shown(loss.in_file(to)));
+            }
+            outln!("{}", shown(to));
         }
-        outln!("{}", shown(to));
-    }
-    Ok(Code::SUCCESS)
+    })
 }

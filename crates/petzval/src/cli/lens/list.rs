@@ -5,7 +5,7 @@ use crate::jobs::lens::list;
 use crate::cli::code::Code;
 use crate::cli::failure::Failure;
 use crate::cli::number::figure;
-use crate::cli::terminal::{Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_response};
 
 /// List the built-in lenses: focal length, f-number, largest field, and where the numbers come from.
 ///
@@ -20,21 +20,19 @@ pub struct Args {
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let lenses = list::run(&list::Request {}, &terminal.context())?.lenses;
-    if args.json {
-        return print_json(&lenses);
-    }
-    let names = lenses.iter().map(|l| l.name.len()).fold("lens".len(), usize::max);
-    outln!("{:<names$} {:>8} {:>8} {:>7} {:>10}  source", "lens", "surfaces", "EFL mm", "f/", "field deg");
-    for l in &lenses {
-        outln!(
-            "{:<names$} {:>8} {:>8} {:>7} {:>10.1}  {}",
-            l.name,
-            l.surfaces,
-            figure(l.efl_mm, 2),
-            figure(l.f_number, 2),
-            l.field_deg,
-            l.source
-        );
-    }
-    Ok(Code::SUCCESS)
+    print_response(args.json, &lenses, || {
+        let names = lenses.iter().map(|l| l.name.len()).fold("lens".len(), usize::max);
+        outln!("{:<names$} surfaces   EFL mm      f/  field deg  source", "lens");
+        for l in &lenses {
+            outln!(
+                "{:<names$} {:>8} {:>8} {:>7} {:>10.1}  {}",
+                l.name,
+                l.surfaces,
+                figure(l.efl_mm, 2),
+                figure(l.f_number, 2),
+                l.field_deg,
+                l.source
+            );
+        }
+    })
 }

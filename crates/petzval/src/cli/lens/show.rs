@@ -11,7 +11,7 @@ use crate::cli::code::Code;
 use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::number::figure;
-use crate::cli::terminal::{Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_response};
 
 /// Show a lens: a file, or the name of a built-in one.
 #[derive(Debug, clap::Args)]
@@ -42,11 +42,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
             return Err(error.into());
         }
     };
-    if args.json {
-        return print_json(&response.figures);
-    }
-    print(&response);
-    Ok(Code::SUCCESS)
+    print_response(args.json, &response.figures, || print(&response))
 }
 
 /// The surfaces of a lens, as lines.

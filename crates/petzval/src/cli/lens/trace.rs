@@ -6,7 +6,7 @@ use crate::cli::choice::choice;
 use crate::cli::code::Code;
 use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
-use crate::cli::terminal::{Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_response};
 
 /// Trace one ray and print its position and direction at every surface.
 #[derive(Debug, clap::Args)]
@@ -40,21 +40,19 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         aim: args.aim,
     };
     let response = trace::run(&request, &terminal.context())?;
-    if args.json {
-        return print_json(&response);
-    }
-    outln!("status: {}", response.status);
-    outln!("{:>8} {:>14} {:>14} {:>14} {:>12} {:>12} {:>12}", "", "x mm", "y mm", "z mm", "l", "m", "n");
-    for (i, place) in response.surfaces.iter().enumerate() {
-        outln!("{}", row(&(i + 1).to_string(), place));
-    }
-    if let Some(image) = &response.image {
-        outln!("{}", row("image", image));
-    }
-    if let Some(opl_mm) = response.opl_mm {
-        outln!("optical path: {opl_mm:.9} mm");
-    }
-    Ok(Code::SUCCESS)
+    print_response(args.json, &response, || {
+        outln!("status: {}", response.status);
+        outln!("{:>8} {:>14} {:>14} {:>14} {:>12} {:>12} {:>12}", "", "x mm", "y mm", "z mm", "l", "m", "n");
+        for (i, place) in response.surfaces.iter().enumerate() {
+            outln!("{}", row(&(i + 1).to_string(), place));
+        }
+        if let Some(image) = &response.image {
+            outln!("{}", row("image", image));
+        }
+        if let Some(opl_mm) = response.opl_mm {
+            outln!("optical path: {opl_mm:.9} mm");
+        }
+    })
 }
 
 fn row(name: &str, at: &trace::Place) -> String {

@@ -8,7 +8,7 @@ use crate::cli::choice::choice;
 use crate::cli::code::Code;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
-use crate::cli::terminal::{Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_response};
 
 /// Write a raw frame in another format. The name of OUT chooses it: .tiff, .png, .npy, .raw (packed) or .exr.
 ///
@@ -66,9 +66,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         pixel_um: args.pixel_um,
     };
     let response = convert::run(&request, &terminal.context())?;
-    if args.json {
-        return print_json(&response.frame);
-    }
-    outln!("{}\n{}", shown(&response.frame.file), shown(&response.sidecar));
-    Ok(Code::SUCCESS)
+    print_response(args.json, &response.frame, || {
+        outln!("{}\n{}", shown(&response.frame.file), shown(&response.sidecar))
+    })
 }

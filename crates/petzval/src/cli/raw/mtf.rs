@@ -8,7 +8,7 @@ use crate::jobs::raw::mtf::{self, Region, Response, per_mm};
 use crate::cli::code::Code;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
-use crate::cli::terminal::{Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_response};
 
 /// Measure the MTF at slanted edges of a raw frame or a picture, after ISO 12233.
 ///
@@ -52,11 +52,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         out: args.out,
     };
     let response = mtf::run(&request, &terminal.context())?;
-    if args.json {
-        return print_json(&response);
-    }
-    out!("{}", table(&response));
-    Ok(Code::SUCCESS)
+    print_response(args.json, &response, || out!("{}", table(&response)))
 }
 
 /// A row for every channel of every edge.
@@ -69,15 +65,9 @@ fn table(response: &Response) -> String {
         response.light.words()
     );
     let in_mm = response.pixel_um.map(|um| (um, "  MTF50, 1/mm"));
+    let head_in_mm = in_mm.map_or("", |(_, head)| head);
     text += &format!(
-        "{:<22}  {:<9}  {:<14}  {:<17}{}  {:<15}  {:<13}  scatter %\n",
-        "region",
-        "channel",
-        "edge",
-        "MTF50, 1/px",
-        in_mm.map_or("", |(_, head)| head),
-        "MTF at 0.25/px",
-        "overshoot %"
+        "region                  channel    edge            MTF50, 1/px      {head_in_mm}  MTF at 0.25/px   overshoot %    scatter %\n"
     );
     for edge in &response.edges {
         for mtf in &edge.channels {

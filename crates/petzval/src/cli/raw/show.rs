@@ -7,7 +7,7 @@ use crate::jobs::raw::{RawInfo, show};
 use crate::cli::code::Code;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
-use crate::cli::terminal::{Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_response};
 
 /// Show a raw frame: size, camera and exposure from its sidecar, and its digital numbers colour by colour.
 ///
@@ -25,38 +25,26 @@ pub struct Args {
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let frame = show::run(&show::Request { file: args.file }, &terminal.context())?;
-    if args.json {
-        return print_json(&frame);
-    }
-    outln!("{}", shown(&frame.file));
-    outln!("  {:<13} {} rows x {} columns", "size", frame.height, frame.width);
-    facts(&frame.info).iter().for_each(|(name, value)| outln!("  {name:<13} {value}"));
-    outln!();
-    outln!(
-        "  {:<6} {:>9} {:>7} {:>7} {:>10} {:>9} {:>8} {:>9}",
-        "colour",
-        "pixels",
-        "min DN",
-        "max DN",
-        "mean DN",
-        "sd DN",
-        "at zero",
-        "saturated"
-    );
-    for s in &frame.colours {
-        let saturated = s.saturated.map_or("-".to_owned(), |n| n.to_string());
-        outln!(
-            "  {:<6} {:>9} {:>7} {:>7} {:>10.3} {:>9.3} {:>8} {saturated:>9}",
-            s.colour.name(),
-            s.pixels,
-            s.min_dn,
-            s.max_dn,
-            s.mean_dn,
-            s.sd_dn,
-            s.at_zero
-        );
-    }
-    Ok(Code::SUCCESS)
+    print_response(args.json, &frame, || {
+        outln!("{}", shown(&frame.file));
+        outln!("  {:<13} {} rows x {} columns", "size", frame.height, frame.width);
+        facts(&frame.info).iter().for_each(|(name, value)| outln!("  {name:<13} {value}"));
+        outln!();
+        outln!("  colour    pixels  min DN  max DN    mean DN     sd DN  at zero saturated");
+        for s in &frame.colours {
+            let saturated = s.saturated.map_or("-".to_owned(), |n| n.to_string());
+            outln!(
+                "  {:<6} {:>9} {:>7} {:>7} {:>10.3} {:>9.3} {:>8} {saturated:>9}",
+                s.colour.name(),
+                s.pixels,
+                s.min_dn,
+                s.max_dn,
+                s.mean_dn,
+                s.sd_dn,
+                s.at_zero
+            );
+        }
+    })
 }
 
 /// Camera and exposure, a line for each known number.

@@ -9,7 +9,7 @@ use crate::cli::code::Code;
 use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
-use crate::cli::terminal::{Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_response};
 
 /// Simulate the calibration series of a sensor.
 ///
@@ -99,12 +99,10 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         seed: args.seed,
     };
     let written = capture::run(&request, &terminal.context())?;
-    if args.json {
-        return print_json(&written);
-    }
-    outln!("{}", shown(&written.list));
-    if written.kept > 0 {
-        noteln!("{} of {} frames already existed", written.kept, written.frames);
-    }
-    Ok(Code::SUCCESS)
+    print_response(args.json, &written, || {
+        outln!("{}", shown(&written.list));
+        if written.kept > 0 {
+            noteln!("{} of {} frames already existed", written.kept, written.frames);
+        }
+    })
 }

@@ -12,7 +12,7 @@ use crate::cli::choice::choice;
 use crate::cli::code::Code;
 use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
-use crate::cli::terminal::{Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_response};
 
 /// Measure a sensor from captures.
 ///
@@ -61,11 +61,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         pixel_um: args.pixel_um,
     };
     let found = characterize::run(&request, &terminal.context())?.characterization;
-    if args.json {
-        return print_json(&found);
-    }
-    out!("{}", table(&found, request.values));
-    Ok(Code::SUCCESS)
+    print_response(args.json, &found, || out!("{}", table(&found, request.values)))
 }
 
 /// Lines of numbers. Unresolved numbers are collected, one line for each reason.

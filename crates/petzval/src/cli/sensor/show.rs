@@ -5,7 +5,7 @@ use crate::jobs::sensor::show::{self, Colour, Electronics, SensorModel};
 use crate::cli::code::Code;
 use crate::cli::failure::Failure;
 use crate::cli::number::six_digits;
-use crate::cli::terminal::{Terminal, print_json};
+use crate::cli::terminal::{Terminal, print_response};
 
 /// Show a sensor: a file, or the name of a built-in one.
 #[derive(Debug, clap::Args)]
@@ -115,48 +115,28 @@ fn facts(s: &SensorModel) -> String {
 pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let response =
         show::run(&show::Request { sensor: args.sensor.into(), gains: args.gains }, &terminal.context())?;
-    if args.json {
-        return print_json(&response);
-    }
-    out!("{}", facts(&response.sensor));
-    outln!(
-        "\n{:>8} {:>9} {:>11} {:>11} {:>11} {:>10} {:>9} {:>10} {:>8}",
-        "gain",
-        "K g",
-        "dark noise",
-        "dark noise",
-        "threshold",
-        "saturation",
-        "SNR max",
-        "dynamic",
-        "range"
-    );
-    outln!(
-        "{:>8} {:>9} {:>11} {:>11} {:>11} {:>10} {:>9} {:>10} {:>8}",
-        "",
-        "DN/e-",
-        "DN",
-        "e-",
-        "e-",
-        "e-",
-        "dB",
-        "",
-        "dB"
-    );
-    for d in &response.derived {
+    print_response(args.json, &response, || {
+        out!("{}", facts(&response.sensor));
         outln!(
-            "{:>8} {:>9.5} {:>11.4} {:>11.3} {:>11.3} {:>10.0} {:>9.2} {:>10.1} {:>8.2}{}",
-            six_digits(d.linear_gain),
-            d.gain_dn_per_e,
-            d.dark_noise_dn,
-            d.dark_noise_e,
-            d.threshold_e,
-            d.saturation_e,
-            d.snr_max_db,
-            d.dynamic_range,
-            d.dynamic_range_db,
-            if d.converter_limits { "  converter" } else { "  full well" }
+            "\n    gain       K g  dark noise  dark noise   threshold saturation   SNR max    dynamic    range"
         );
-    }
-    Ok(Code::SUCCESS)
+        outln!(
+            "             DN/e-          DN          e-          e-         e-        dB                  dB"
+        );
+        for d in &response.derived {
+            outln!(
+                "{:>8} {:>9.5} {:>11.4} {:>11.3} {:>11.3} {:>10.0} {:>9.2} {:>10.1} {:>8.2}{}",
+                six_digits(d.linear_gain),
+                d.gain_dn_per_e,
+                d.dark_noise_dn,
+                d.dark_noise_e,
+                d.threshold_e,
+                d.saturation_e,
+                d.snr_max_db,
+                d.dynamic_range,
+                d.dynamic_range_db,
+                if d.converter_limits { "  converter" } else { "  full well" }
+            );
+        }
+    })
 }

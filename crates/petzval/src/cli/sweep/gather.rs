@@ -12,7 +12,7 @@ use crate::units::sweep::{
 use super::super::code::Code;
 use super::super::failure::Failure;
 use super::super::plain::{self, shown};
-use super::super::terminal::{Terminal, print_json};
+use super::super::terminal::{Terminal, print_response};
 use super::super::text_table::TextTable;
 
 /// Gather the results of a sweep: a table in which the keys that vary are columns, with mean, standard deviation over the seeds, and range.
@@ -59,17 +59,15 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<Code, Failure> {
     // A folder of one's own must not hold any yet.
     let keeps = args.out.is_some() && !terminal.overwrites;
     let files = keep_results(&gathered, &view(&gathered, &choice, &again)?, folder, keeps)?;
-    if args.json {
-        return print_json(&gathered);
-    }
-    out!("{}", table(&gathered));
-    outln!("{}", gathered.status.in_words());
-    if kept.job == TOLERANCES && kept.keys.iter().any(|key| key == PART) {
-        let units = pasted(&units_file(&args.dir));
-        outln!("join the parts: petzval unit gather {units} --store {}", pasted(&args.dir));
-    }
-    files.iter().for_each(|path| outln!("{}", shown(path)));
-    Ok(Code::SUCCESS)
+    print_response(args.json, &gathered, || {
+        out!("{}", table(&gathered));
+        outln!("{}", gathered.status.in_words());
+        if kept.job == TOLERANCES && kept.keys.iter().any(|key| key == PART) {
+            let units = pasted(&units_file(&args.dir));
+            outln!("join the parts: petzval unit gather {units} --store {}", pasted(&args.dir));
+        }
+        files.iter().for_each(|path| outln!("{}", shown(path)));
+    })
 }
 
 /// Figures of the table on the terminal.

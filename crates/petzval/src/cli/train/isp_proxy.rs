@@ -2,8 +2,9 @@
 
 use std::path::PathBuf;
 
-use crate::jobs::train::isp_proxy::{self, Plan, ProxyTraining, Request, Response};
+use crate::jobs::train::isp_proxy::{self, Plan, ProxyTraining, Response};
 
+use super::request::begun_or_resumed;
 use crate::cli::code::Code;
 use crate::cli::defaults::{word, words};
 use crate::cli::failure::Failure;
@@ -67,20 +68,14 @@ pub struct Args {
 pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let context = terminal.context().with_cancellation(signals::stop_on_signal()?);
     let Args { steps, base_channels, levels, seed, .. } = args;
-    let request = match (args.resume, args.out) {
-        (Some(folder), _) => Request::Resume { folder },
-        (None, Some(out)) => Request::New {
-            plan: Plan {
-                isp: args.isp.name(),
-                set: args.set,
-                vary: args.vary,
-                experiment: args.experiment,
-                training: ProxyTraining { steps, seed, base_channels, levels },
-            },
-            out,
-        },
-        (None, None) => return Err(Failure::input("--out is missing", "give a folder, or --resume")),
+    let plan = Plan {
+        isp: args.isp.name(),
+        set: args.set,
+        vary: args.vary,
+        experiment: args.experiment,
+        training: ProxyTraining { steps, seed, base_channels, levels },
     };
+    let request = begun_or_resumed(plan, args.out, args.resume)?;
     print_found(isp_proxy::run(&request, &context), context, args.json, summary)
 }
 
@@ -98,10 +93,7 @@ fn summary(response: &Response) -> String {
     ] {
         text += &format!("  {what:<26}  {psnr:6.2} dB\n");
     }
-    text += &format!(
-        "\npictures against the ISP's own through perfect optics without noise:\n  {:<12}  {:>8}  {:>8}  {:>8}\n",
-        "score", "ISP", "proxy", "gap"
-    );
+    text += "\npictures against the ISP's own through perfect optics without noise:\n  score              ISP     proxy       gap\n";
     for s in &gap.scores {
         let decimals = s.score.decimals;
         text += &format!(

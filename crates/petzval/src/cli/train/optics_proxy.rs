@@ -2,8 +2,9 @@
 
 use std::path::PathBuf;
 
-use crate::jobs::train::optics_proxy::{self, OpticsTraining, Plan, Request, Response};
+use crate::jobs::train::optics_proxy::{self, OpticsTraining, Plan, Response};
 
+use super::request::begun_or_resumed;
 use crate::cli::code::Code;
 use crate::cli::defaults::word;
 use crate::cli::failure::Failure;
@@ -55,17 +56,9 @@ pub struct Args {
 pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let context = terminal.context().with_cancellation(signals::stop_on_signal()?);
     let Args { steps, batch, seed, hidden, channels, .. } = args;
-    let request = match (args.resume, args.out) {
-        (Some(folder), _) => Request::Resume { folder },
-        (None, Some(out)) => Request::New {
-            plan: Plan {
-                experiment: args.experiment,
-                training: OpticsTraining { steps, batch, seed, hidden, channels },
-            },
-            out,
-        },
-        (None, None) => return Err(Failure::input("--out is missing", "give a folder, or --resume")),
-    };
+    let training = OpticsTraining { steps, batch, seed, hidden, channels };
+    let plan = Plan { experiment: args.experiment, training };
+    let request = begun_or_resumed(plan, args.out, args.resume)?;
     print_found(optics_proxy::run(&request, &context), context, args.json, summary)
 }
 
@@ -73,19 +66,8 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
 fn summary(response: &Response) -> String {
     let Some(gap) = &response.gap else { return String::new() };
     let mut text = format!(
-        "{}: {} numbers and the field, {} steps, {:.0} s\n\nPSFs of {} unseen lenses, network against exact tracing:\n  {:>8}  {:>8}  \
-         {:>11}  {:>11}  {:>11}  {:>12}\n",
-        response.lens,
-        response.numbers,
-        response.steps,
-        response.seconds,
-        gap.lenses,
-        "field mm",
-        "L1",
-        "centroid um",
-        "RMS spot um",
-        "its error um",
-        "illumination"
+        "{}: {} numbers and the field, {} steps, {:.0} s\n\nPSFs of {} unseen lenses, network against exact tracing:\n  field mm        L1  centroid um  RMS spot um  its error um  illumination\n",
+        response.lens, response.numbers, response.steps, response.seconds, gap.lenses
     );
     for f in &gap.fields {
         text += &format!(

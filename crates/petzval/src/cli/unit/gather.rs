@@ -12,7 +12,7 @@ use serde::Serialize;
 use super::super::failure::Failure;
 use super::super::number::figure;
 use super::super::plain::{self, shown};
-use super::super::terminal::{Terminal, print_json};
+use super::super::terminal::{Terminal, print_response};
 use super::run::context;
 
 /// Join the random lenses of `lens-tolerance` units that are parts of one analysis.
@@ -57,30 +57,28 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let joined = gather_tolerances(&units, &store, &context, out.as_deref());
     drop(context);
     let joined = joined?;
-    if args.json {
-        return print_json(&joined.iter().map(row).collect::<Vec<_>>());
-    }
-    for Joined { units, response } in &joined {
-        let report = &response.report;
-        let lenses = report.monte_carlo.as_ref();
-        let figures = lenses.map_or_else(String::new, |random| {
-            format!(
-                ": {} lenses, mean {} {}, standard deviation {}",
-                random.trials,
-                figure(random.mean, 4),
-                report.unit,
-                figure(random.standard_deviation, 4)
-            )
-        });
-        outln!(
-            "{}",
-            plain::message(&format!("{} from {}{figures}", report.lens, counted(units.len(), "unit")))
-        );
-    }
-    if let Some(out) = &out {
-        noteln!("written to {}", shown(out));
-    }
-    Ok(Code::SUCCESS)
+    print_response(args.json, &joined.iter().map(row).collect::<Vec<_>>(), || {
+        for Joined { units, response } in &joined {
+            let report = &response.report;
+            let lenses = report.monte_carlo.as_ref();
+            let figures = lenses.map_or_else(String::new, |random| {
+                format!(
+                    ": {} lenses, mean {} {}, standard deviation {}",
+                    random.trials,
+                    figure(random.mean, 4),
+                    report.unit,
+                    figure(random.standard_deviation, 4)
+                )
+            });
+            outln!(
+                "{}",
+                plain::message(&format!("{} from {}{figures}", report.lens, counted(units.len(), "unit")))
+            );
+        }
+        if let Some(out) = &out {
+            noteln!("written to {}", shown(out));
+        }
+    })
 }
 
 fn row(Joined { units, response }: &Joined) -> Row<'_> {

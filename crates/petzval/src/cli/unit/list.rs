@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::super::failure::Failure;
 use super::super::plain;
-use super::super::terminal::{Terminal, print_json};
+use super::super::terminal::{Terminal, print_response};
 use super::run::context;
 
 /// List the units of a file with their keys. Every unit is checked as before its run.
@@ -40,13 +40,11 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let prepared = |unit| Prepared::new(unit, &context, &digests);
     let all = file.units.iter().map(prepared).collect::<Result<Vec<_>, _>>()?;
     drop(context);
-    if args.json {
-        return print_json(&all.iter().map(listed).collect::<Vec<_>>());
-    }
-    for Prepared { unit, key, .. } in &all {
-        outln!("{}  {:<20} {}", key.short(), unit.call.job, plain::message(&unit.name));
-    }
-    Ok(Code::SUCCESS)
+    print_response(args.json, &all.iter().map(listed).collect::<Vec<_>>(), || {
+        for Prepared { unit, key, .. } in &all {
+            outln!("{}  {:<20} {}", key.short(), unit.call.job, plain::message(&unit.name));
+        }
+    })
 }
 
 fn listed(prepared: &Prepared) -> Listed<'_> {

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::super::failure::Failure;
 use super::super::plain;
-use super::super::terminal::print_json;
+use super::super::terminal::print_response;
 
 /// Show where the units of a store stand.
 ///
@@ -45,27 +45,25 @@ struct Row {
 /// Runs the verb.
 pub fn run(args: Args) -> Result<Code, Failure> {
     let rows = rows(&args)?;
-    if args.json {
-        return print_json(&rows);
-    }
-    for row in &rows {
-        let more = match row {
-            Row { failure: Some(failure), .. } => failure.error.message.clone(),
-            Row { damage: Some(damage), .. } => damage.message.clone(),
-            Row { claim: Some(claim), .. } => format!("{} since {}", claim.holder, claim.began),
-            Row { cost: Some(cost), .. } => format!("{:.1} s", cost.seconds),
-            _ => String::new(),
-        };
-        let line = format!("{}  {:<8} {:<20} {}  {more}", &row.key[..12], row.state, row.job, row.name);
-        outln!("{}", plain::line(line.trim_end()));
-    }
-    let count = |state: &str| rows.iter().filter(|row| row.state == state).count();
-    let counts =
-        ["done", "running", "stopped", "stale", "failed", "damaged"].map(|state| (state, count(state)));
-    let counts: Vec<String> =
-        counts.iter().filter(|(_, n)| *n > 0).map(|(state, n)| format!("{n} {state}")).collect();
-    outln!("{}", if counts.is_empty() { "no unit was begun here".to_owned() } else { counts.join(", ") });
-    Ok(Code::SUCCESS)
+    print_response(args.json, &rows, || {
+        for row in &rows {
+            let more = match row {
+                Row { failure: Some(failure), .. } => failure.error.message.clone(),
+                Row { damage: Some(damage), .. } => damage.message.clone(),
+                Row { claim: Some(claim), .. } => format!("{} since {}", claim.holder, claim.began),
+                Row { cost: Some(cost), .. } => format!("{:.1} s", cost.seconds),
+                _ => String::new(),
+            };
+            let line = format!("{}  {:<8} {:<20} {}  {more}", &row.key[..12], row.state, row.job, row.name);
+            outln!("{}", plain::line(line.trim_end()));
+        }
+        let count = |state: &str| rows.iter().filter(|row| row.state == state).count();
+        let counts =
+            ["done", "running", "stopped", "stale", "failed", "damaged"].map(|state| (state, count(state)));
+        let counts: Vec<String> =
+            counts.iter().filter(|(_, n)| *n > 0).map(|(state, n)| format!("{n} {state}")).collect();
+        outln!("{}", if counts.is_empty() { "no unit was begun here".to_owned() } else { counts.join(", ") });
+    })
 }
 
 fn rows(args: &Args) -> Result<Vec<Row>, JobError> {
