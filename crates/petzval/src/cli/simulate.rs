@@ -46,7 +46,7 @@ struct SpectralArgs {
 ///
 /// For each image NAME four files are written. NAME-raw.tiff, 16 bit, holds the mosaic in digital numbers, and NAME-raw.tiff.toml its
 /// camera and exposure. NAME-calibration.toml holds what an ISP may know of it, such as shading and distortion of the lens.
-/// NAME-developed.png is 8 bit sRGB. Networks are trained on pictures with the same development.
+/// NAME-developed.png is 8 bit sRGB.
 ///
 /// OpenEXR pictures with the channels R, G and B, or Y, and Radiance HDR pictures hold linear light of Rec. 709 colours, 1 for
 /// white; brighter highlights are kept. What a file says about its colours and is not obeyed, such as an ICC profile, is reported.
@@ -57,10 +57,9 @@ struct SpectralArgs {
 /// it.
 ///
 /// The flat scene is a perfect diffuser. Edge and star have the reflectances of the white and the black patch of a
-/// ColorChecker, 0.89 and 0.03 at 550 nm: black is a dark gray.
+/// ColorChecker, 0.89 and 0.03 at 550 nm.
 ///
-/// Through a lens without rotational symmetry photographs are taken in three colours: each patch of the sensor has the PSF of its own place, and
-/// distortion is not rendered.
+/// Behind a lens without rotational symmetry each patch has the PSF of its own place, without distortion.
 ///
 /// Highlights end in neutral white at the level at which white light saturates the first colour. White of a PNG is the
 /// white of the scene, or the end of the highlights if that is lower; the linear light of EXR and NPY always has white
