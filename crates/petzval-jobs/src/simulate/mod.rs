@@ -1,5 +1,6 @@
 //! `simulate`: photographs and scenes through a lens onto a sensor.
 
+mod accuracy;
 mod chip;
 mod frame;
 mod highlights;

@@ -16,7 +16,7 @@ use petzval_optics::lens::Lens;
 use petzval_optics::psf::FieldPsf;
 use rayon::prelude::*;
 
-use super::rig::{coarse_patches, coarse_pupil};
+use super::accuracy::{coarse_patches, coarse_pupil};
 use crate::context::Context;
 use crate::error::Result;
 use crate::event::WarningKind;

@@ -8,8 +8,7 @@ use petzval_camera::develop::develop;
 use petzval_camera::image::{CHANNELS, LinearImage};
 use petzval_camera::psf::PsfBank;
 use petzval_camera::render::{
-    BlendError, Distortion, MAX_SIDE, Placement, RenderGeometry, Window, kernel_radius, light_on_pixels,
-    with_patches_for,
+    Distortion, MAX_SIDE, Placement, RenderGeometry, Window, kernel_radius, light_on_pixels, with_patches_for,
 };
 use petzval_camera::sensor::{Capture, Exposure, Noise, NoiseMode, SensorModel, expose};
 use petzval_design::camera::{Body, Camera, Labels, PsfSource, Psfs, Shot};
@@ -20,6 +19,7 @@ use petzval_learn::Device;
 use petzval_optics::lens::Lens;
 use petzval_optics::psf::PerfectImage;
 
+use super::accuracy::{coarse_patches, coarse_pupil};
 use super::highlights::capacity_e;
 use super::patchwise::{self, Patchwise};
 use super::request::Request;
@@ -79,31 +79,6 @@ struct Checked {
     window: Window,
     samples: usize,
     chip: Option<NamedIsp>,
-}
-
-/// The warning of PSFs on so many pupil cells a side whose error is `error`; `None` if they are as accurate as scores need.
-pub(super) fn coarse_pupil(psf: &PsfConfig, cells: usize, error: f64) -> Option<(WarningKind, String)> {
-    let most = psf.scoring_pupil_error;
-    (error > most).then(|| {
-        (
-            WarningKind::PsfError,
-            format!("PSFs on {cells} pupil cells a side have an error of {error:.3} (L1), more than {most}"),
-        )
-    })
-}
-
-/// The warning of patches that blend PSFs with an error of `blend`; `None` if they are as accurate as scores need.
-pub(super) fn coarse_patches(
-    psf: &PsfConfig,
-    geometry: &RenderGeometry,
-    blend: &BlendError,
-) -> Option<(WarningKind, String)> {
-    (blend.median > psf.scoring_blend_error).then(|| {
-        (WarningKind::PsfError, format!(
-            "the PSF changes so quickly over the sensor that {} x {} patches blend it with an error of {:.3} (L1, median), {:.3} at worst",
-            geometry.patches.0, geometry.patches.1, blend.median, blend.largest
-        ))
-    })
 }
 
 impl Checked {

@@ -27,11 +27,11 @@ use petzval_optics::pupil::chief_ray;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::accuracy::{coarse_patches, coarse_pupil};
 use super::chip::{MESH, picture};
 use super::highlights::{Saturation, default_white_e};
 use super::patchwise;
 use super::request::scene_name;
-use super::rig::{coarse_patches, coarse_pupil};
 use super::shot::noise;
 use crate::context::Context;
 use crate::error::{JobError, Result};
