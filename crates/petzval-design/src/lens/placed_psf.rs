@@ -24,6 +24,9 @@ const STEPS: usize = 30;
 /// Change of the field by which its slopes are taken.
 const SLOPE: f64 = 1e-6;
 
+/// Change of the field by which the area of its image is taken; the relative error of a central difference is its square.
+const AREA_STEP: f64 = 2e-4;
+
 /// A field: the tangents of its angles to the axis, along x and y.
 type Field = [f64; 2];
 
@@ -48,6 +51,21 @@ fn landing_mm(lens: &Lens, field: Field) -> Option<[f64; 2]> {
     let turned = turned(lens, field);
     let chief = chief_ray(&turned.at_wavelength(turned.reference_um), angle_rad(field))?;
     Some([chief.x_mm, chief.y_mm])
+}
+
+/// Area of the image per area of the tangents of a field, mm^2: the determinant of the slopes of its landing point.
+fn area_mm2(lens: &Lens, field: Field) -> Option<f64> {
+    let slope = |axis: usize| -> Option<[f64; 2]> {
+        let landed = |step: f64| {
+            let mut moved = field;
+            moved[axis] += step;
+            landing_mm(lens, moved)
+        };
+        let (below, above) = (landed(-AREA_STEP)?, landed(AREA_STEP)?);
+        Some([0, 1].map(|i| (above[i] - below[i]) / (2.0 * AREA_STEP)))
+    };
+    let ([a, b], [c, d]) = (slope(0)?, slope(1)?);
+    Some((a * d - b * c).abs())
 }
 
 /// The field whose chief ray lands at a place, by Newton's method from the axis.
@@ -88,6 +106,8 @@ fn field_at(lens: &Lens, place_mm: [f64; 2]) -> Option<Field> {
 pub struct Place {
     turned: Lens,
     field_rad: f64,
+    /// Image area on the axis per image area here, for equal areas of a flat scene; none where a field beside it does not reach the image.
+    image_area: Option<f64>,
 }
 
 impl Place {
@@ -95,7 +115,8 @@ impl Place {
     pub fn new(lens: &Lens, place_mm: [f64; 2]) -> Result<Self, DesignError> {
         let radius_mm = place_mm[0].hypot(place_mm[1]);
         let field = field_at(lens, place_mm).ok_or(DesignError::OutsideTheImage { radius_mm })?;
-        Ok(Self { turned: turned(lens, field), field_rad: angle_rad(field) })
+        let image_area = area_mm2(lens, [0.0; 2]).zip(area_mm2(lens, field)).map(|(axis, here)| axis / here);
+        Ok(Self { turned: turned(lens, field), field_rad: angle_rad(field), image_area })
     }
 
     fn no_light(&self) -> DesignError {
@@ -108,7 +129,14 @@ impl Place {
             let options = PsfOptions { kind, ..plan.options };
             psf(&self.turned, self.field_rad, &plan.wavelengths_um, &plan.quadrature, &options)
         };
-        of_kind(plan.options.kind).or_else(|| of_kind(PsfKind::Geometric)).ok_or_else(|| self.no_light())
+        let found = of_kind(plan.options.kind).or_else(|| of_kind(PsfKind::Geometric));
+        let mut psf = found.ok_or_else(|| self.no_light())?;
+        // The PSF's own area has the sagittal part of a lens with rotational symmetry.
+        if let Some(exact) = self.image_area.filter(|area| area.is_finite()) {
+            psf.illumination.iter_mut().for_each(|light| *light *= exact / psf.image_area);
+            psf.image_area = exact;
+        }
+        Ok(psf)
     }
 
     /// The plan with as many pupil cells, up to `most_cells`, as the PSFs here need for an error of `tolerance`; and the error that is reached.
@@ -144,7 +172,7 @@ pub fn kernel_of(
 
 #[cfg(test)]
 mod tests {
-    use petzval_optics::lens::Departure;
+    use petzval_optics::lens::{Action, Departure};
 
     use super::*;
     use crate::assets::Assets;
@@ -207,6 +235,58 @@ mod tests {
             }
         }
         assert!(matches!(Place::new(&lens, [30.0, 30.0]), Err(DesignError::OutsideTheImage { .. })));
+    }
+
+    /// Light that falls on an image is that of the scene, however a lens distorts it: by area it is what the chief rays say.
+    #[test]
+    fn illumination_is_smooth_in_every_direction() {
+        let (lens, plan) = (nominal(), plan());
+        let light = |lens: &Lens, place_mm: [f64; 2]| {
+            Place::new(lens, place_mm).unwrap().psf(&plan).unwrap().illumination[1]
+        };
+        // Hardly tilted, the lens has the light of the symmetric one also along x, where no tilted field moves along y.
+        let hardly = moved(&lens, [0.0; 2], [2e-5, 0.0, 0.0]);
+        for radius_mm in [1.0, 2.5, 4.5] {
+            let own = light(&lens, [0.0, radius_mm]);
+            for [x, y] in [[1.0, 0.0], [-1.0, 0.0], [0.6, 0.8], [0.0, -1.0], [1.0, 1e-4]] {
+                let placed = light(&hardly, [radius_mm * x, radius_mm * y]);
+                assert!((placed / own - 1.0).abs() < 2e-3, "{radius_mm} {x} {y}: {placed} {own}");
+            }
+        }
+        // Tilted by two degrees it changes smoothly across the rows through the middle.
+        let tilted = moved(&lens, [0.0; 2], [0.035, 0.0, 0.0]);
+        for x in [-4.5, -1.0, 0.5, 3.0] {
+            let across = [-0.2, -0.1, 0.0, 0.1, 0.2].map(|y| light(&tilted, [x, y]));
+            for pair in across.windows(2) {
+                assert!((pair[1] / pair[0] - 1.0).abs() < 0.01, "{x}: {across:?}");
+            }
+        }
+        // A mirror that folds the axis leaves the light of the lens, in both planes.
+        for tilt in [[0.785, 0.0, 0.0], [0.0, 0.785, 0.0]] {
+            let folded = folded(&lens, tilt);
+            for place_mm in [[0.0, 2.0], [2.0, 0.0], [-1.4, 1.4], [0.0, 0.0]] {
+                let (placed, own) =
+                    (light(&folded, place_mm), light(&lens, [0.0, place_mm[0].hypot(place_mm[1])]));
+                assert!((placed / own - 1.0).abs() < 5e-3, "{tilt:?} {place_mm:?}: {placed} {own}");
+            }
+        }
+    }
+
+    /// The lens with a flat mirror 10 mm behind it, which turns the axis by twice its tilt.
+    fn folded(lens: &Lens, tilt_rad: [f64; 3]) -> Lens {
+        let mut folded = lens.clone();
+        let last = folded.surfaces.len() - 1;
+        let to_image_mm = folded.surfaces[last].thickness_mm;
+        folded.surfaces[last].thickness_mm = 10.0;
+        let placement = Placement { tilt_rad, axis: Axis::Bends, ..Placement::default() };
+        folded.surfaces.push(Surface {
+            thickness_mm: 10.0 - to_image_mm,
+            semi_diameter_mm: 40.0,
+            placement: Some(placement),
+            action: Action::Reflect,
+            ..Surface::default()
+        });
+        folded
     }
 
     #[test]

@@ -27,6 +27,7 @@ use petzval_design::task::Remark;
 use petzval_learn::Device;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use crate::as_unit::AsUnit;
 use crate::context::Context;
@@ -495,7 +496,7 @@ pub(crate) struct NewExperiment {
     pub experiment: Experiment,
     /// Where its lens and sensor are found.
     pub context: Context,
-    /// Most network steps of a camera where the request says nothing of steps; none if it does not.
+    /// Most network steps of a camera where the request says nothing of steps; none if it changes none.
     usual_steps: Option<usize>,
 }
 
@@ -510,11 +511,28 @@ impl NewExperiment {
         let experiment = complete(changes)?;
         let role = context.assets.facts_of(&experiment)?.network;
         let mut usual = Changes { steps: None, ..changes.clone() };
-        usual.set.retain(|key, _| key.rsplit('.').next() != Some("steps"));
+        usual.set.retain(|key, _| key.rsplit('.').next() != Some(STEPS));
+        usual.set.values_mut().for_each(forget_steps);
         // An experiment that is wrong without these settings has no usual steps.
         let usual = (usual != *changes).then(|| complete(&usual)).and_then(Result::ok);
         let usual_steps = usual.map(|usual| usual.most_steps(role));
+        let usual_steps = usual_steps.filter(|usual| *usual != experiment.most_steps(role));
         Ok(Self { experiment, context, usual_steps })
+    }
+}
+
+/// The key of a number of steps, in every table of an experiment.
+const STEPS: &str = "steps";
+
+/// Leaves numbers of steps out of the value of a setting, where that is a table.
+fn forget_steps(value: &mut Value) {
+    match value {
+        Value::Object(table) => {
+            table.remove(STEPS);
+            table.values_mut().for_each(forget_steps);
+        }
+        Value::Array(values) => values.iter_mut().for_each(forget_steps),
+        _ => {}
     }
 }
 

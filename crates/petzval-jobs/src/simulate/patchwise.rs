@@ -27,6 +27,13 @@ const ROWS: [usize; 3] = [7, 13, 21];
 /// Most pupil cells a side.
 const MOST_CELLS: usize = 1024;
 
+/// Places of the window, as shares of its height and width, at which the pupil cells are chosen: its middle, and where the outer ones of the fewest
+/// patches lie.
+const CONVERGED: [[f64; 2]; 5] = {
+    const FIRST: f64 = 0.5 / ROWS[0] as f64;
+    [[0.5, 0.5], [FIRST, FIRST], [FIRST, 1.0 - FIRST], [1.0 - FIRST, FIRST], [1.0 - FIRST, 1.0 - FIRST]]
+};
+
 /// Places of the window, as shares of its height and width, about which the blend of patches is checked.
 const CHECKED: [[f64; 2]; 4] = [[0.25, 0.25], [0.25, 0.75], [0.75, 0.25], [0.75, 0.75]];
 
@@ -69,12 +76,15 @@ impl Behind<'_> {
     pub fn exact(mut self, context: &Context) -> Result<Patchwise> {
         let whole = self.psf.geometry(self.sensor);
         let Window { placement, height, width } = self.window;
-        let middle = |start: usize, pixels: usize| start as f64 + 0.5 * pixels as f64;
-        let (x_um, y_um) = whole.position_um(middle(placement.row, height), middle(placement.col, width));
-        let tolerance = self.psf.scoring_pupil_error;
-        let (plan, error) = Place::new(self.lens, [1e-3 * x_um, 1e-3 * y_um])?
-            .converged(&self.plan, tolerance, MOST_CELLS)?;
-        self.plan = plan;
+        let mut error = 0.0;
+        for [down, right] in CONVERGED {
+            context.check(|| "stopped before the PSFs were traced")?;
+            let row = placement.row as f64 + down * height as f64;
+            let (x_um, y_um) = whole.position_um(row, placement.col as f64 + right * width as f64);
+            let place = Place::new(self.lens, [1e-3 * x_um, 1e-3 * y_um])?;
+            let (plan, left) = place.converged(&self.plan, self.psf.scoring_pupil_error, MOST_CELLS)?;
+            (self.plan, error) = (plan, maximum(error, left));
+        }
         let aspect = whole.sensor_width as f64 / whole.sensor_height as f64;
         let with_rows = |rows: usize| -> Result<(Patchwise, BlendError)> {
             let columns = ((rows as f64 * aspect).round() as usize).max(1);

@@ -202,7 +202,7 @@ impl Rig {
             return Err(JobError::setting("samples", samples, without, "leave it out, or take 1"));
         }
         if request.restore.is_some() {
-            return Err(JobError::setting("restore", "on", without, "leave it out"));
+            return Err(JobError::input(format!("--restore: {without}"), "leave it out"));
         }
         let psf = PsfConfig::default();
         let plan = psf.plan(&sensor, psf.scoring_pupil_cells)?;
