@@ -105,18 +105,14 @@ impl Psfs {
     /// Least share of a PSF's light that its grid holds, over fields and colours; 1 where the PSFs are given, whose grid is all that is known;
     /// `None` of a network.
     pub fn captured(&self) -> Option<f64> {
-        match &self.kind {
-            Kind::Traced { traced, .. } => Some(traced.captured()),
-            Kind::Given { .. } => Some(1.0),
-            Kind::Proxy { .. } => None,
-        }
+        self.captured_range().map(|[least, _]| least)
     }
 
-    /// The same at the field that loses least.
-    pub fn most_captured(&self) -> Option<f64> {
+    /// The same, and that of the field which loses least.
+    pub fn captured_range(&self) -> Option<[f64; 2]> {
         match &self.kind {
-            Kind::Traced { traced, .. } => Some(traced.most_captured()),
-            Kind::Given { .. } => Some(1.0),
+            Kind::Traced { traced, .. } => Some([traced.captured(), traced.most_captured()]),
+            Kind::Given { .. } => Some([1.0; 2]),
             Kind::Proxy { .. } => None,
         }
     }

@@ -264,7 +264,7 @@ impl Rig {
             }
         };
         let psfs = Arc::new(source.psfs()?);
-        let captured = [psfs.captured(), psfs.most_captured()].map(|share| share.unwrap_or(1.0));
+        let captured = psfs.captured_range().unwrap_or([1.0; 2]);
         report_light(request, &psf, captured, traced.as_ref().map(|(lens, _)| lens), context)?;
         let (geometry, blend) =
             with_patches_for(&coarse, psfs.bank(), psf.scoring_blend_error).map_err(DesignError::from)?;

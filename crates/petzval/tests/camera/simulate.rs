@@ -101,6 +101,14 @@ fn what_cannot_be_read_is_named_and_nothing_is_written() {
     }
 }
 
+/// Writes `small.toml`, the usual sensor with fewer pixels.
+fn write_small_sensor(folder: &Path) {
+    let small = read(&data("sensors/imx249-fitted.toml"))
+        .replace("width = 1920", "width = 160")
+        .replace("height = 1200", "height = 120");
+    std::fs::write(folder.join("small.toml"), small).unwrap();
+}
+
 /// A thin lens that spreads light.
 const DIVERGING: &str = r#"
 name = "diverging"
@@ -125,10 +133,7 @@ semi_diameter_mm = 3.0
 #[test]
 fn light_beyond_the_psf_grid_of_a_lens_out_of_focus_has_its_reason() {
     let folder = tempfile::tempdir().unwrap();
-    let small = read(&data("sensors/imx249-fitted.toml"))
-        .replace("width = 1920", "width = 160")
-        .replace("height = 1200", "height = 120");
-    std::fs::write(folder.path().join("small.toml"), small).unwrap();
+    write_small_sensor(folder.path());
     let lens = read(&data("lenses/cooke-triplet-nominal.toml"));
     for (name, back_mm) in [("moved.toml", "25.125171"), ("far.toml", "26.025171")] {
         std::fs::write(folder.path().join(name), lens.replacen("24.525171", back_mm, 1)).unwrap();
@@ -159,10 +164,7 @@ fn light_beyond_the_psf_grid_of_a_lens_out_of_focus_has_its_reason() {
 #[test]
 fn a_lens_without_symmetry_takes_photographs() {
     let folder = tempfile::tempdir().unwrap();
-    let small = read(&data("sensors/imx249-fitted.toml"))
-        .replace("width = 1920", "width = 160")
-        .replace("height = 1200", "height = 120");
-    std::fs::write(folder.path().join("small.toml"), small).unwrap();
+    write_small_sensor(folder.path());
     let lens = read(&data("lenses/cooke-triplet-nominal.toml"));
     let gap = "thickness_mm = 8.11\n";
     for (name, placement) in
