@@ -8,10 +8,11 @@ use std::sync::Arc;
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::optim::{GradientsAccumulator, GradientsParams, ModuleOptimizer};
 use burn::prelude::*;
-use burn::tensor::{Bytes, Gradients};
+use burn::tensor::Gradients;
 use petzval_camera::sensor::Noise;
 use petzval_camera::tape::Frames;
 use petzval_learn::network::GuestNetwork;
+use petzval_learn::optimizer::Optimizer;
 use petzval_learn::weight_file::Weights;
 
 use super::by_window::{By, derivatives};
@@ -138,14 +139,14 @@ impl Block for NetworkBlock {
 struct InTraining<C: CameraNetwork> {
     network: C::Module,
     how: C,
-    optimizer: ModuleOptimizer,
+    optimizer: Optimizer,
     /// The weights at the start of the stage: the centre of the proximal term.
     anchor: C::Module,
 }
 
 impl<C: CameraNetwork> InTraining<C> {
     fn new(network: C::Module, how: C) -> Self {
-        Self { anchor: network.clone(), optimizer: how.optimizer(&network), network, how }
+        Self { anchor: network.clone(), optimizer: fresh_optimizer(&network, &how), network, how }
     }
 }
 
@@ -219,7 +220,7 @@ impl<C: CameraNetwork> Learner for InTraining<C> {
     }
 
     fn begin_stage(&mut self) {
-        self.optimizer = self.how.optimizer(&self.network);
+        self.optimizer = fresh_optimizer(&self.network, &self.how);
         self.anchor = self.network.clone();
     }
 
@@ -253,19 +254,23 @@ impl<C: CameraNetwork> Learner for InTraining<C> {
     }
 
     fn save_progress(&self) -> Result<BlockState> {
-        let optimizer = self.optimizer.into_bytes().map_err(|e| unwritable(&e))?;
-        let parts = [(OPTIMIZER, optimizer.to_vec()), (ANCHOR, bytes_of(&self.anchor)?)];
+        let optimizer = self.optimizer.to_bytes().map_err(|e| unwritable(&e))?;
+        let parts = [(OPTIMIZER, optimizer), (ANCHOR, bytes_of(&self.anchor)?)];
         Ok(parts.into_iter().map(|(name, bytes)| (name.to_owned(), bytes)).collect())
     }
 
     fn load_progress(&mut self, state: &BlockState) -> Result<(), String> {
         self.anchor = with_bytes(&self.anchor, state, ANCHOR)?;
-        let optimizer = Bytes::from_bytes_vec(part(state, OPTIMIZER)?.to_vec());
-        self.optimizer = (self.how.optimizer(&self.network))
-            .from_bytes(optimizer)
+        self.optimizer = fresh_optimizer(&self.network, &self.how)
+            .with_bytes(part(state, OPTIMIZER)?)
             .map_err(|e| format!("{OPTIMIZER}: not the state of this optimiser: {e}"))?;
         Ok(())
     }
+}
+
+/// An optimiser that has not seen a gradient yet.
+fn fresh_optimizer<C: CameraNetwork>(network: &C::Module, how: &C) -> Optimizer {
+    Optimizer::new(network, how.optimizer(network))
 }
 
 fn unwritable(problem: &dyn std::fmt::Display) -> DesignError {

@@ -14,7 +14,7 @@ use super::{IGNORED, StreetThing};
 use crate::detection::{BBox, Ignored, Object, Truth};
 
 /// A class of objects or pixels, and what of data sets and streets is of it.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectClass {
     /// Its name in scores, tables and pictures.
@@ -44,13 +44,18 @@ pub struct ObjectClass {
     /// For a segmentation: whether pixels of this class are ignored. The network does not look for it, and it has no score.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub ignored: bool,
+    /// For a segmentation: how much a pixel of this class counts in the loss, beside one of a class without a weight, which counts 1. Above 0, at most
+    /// 1000.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1000.0))]
+    pub weight: Option<f64>,
     /// The number in COCO of what is most like it, from whose weights a detector may start.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coco: Option<usize>,
 }
 
 /// The classes of a task, in the order of their numbers. Cheap to clone.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Classes(Arc<[ObjectClass]>);
 
 /// What an annotation is.
@@ -106,6 +111,11 @@ impl Classes {
     /// Those whose pixels count: they have numbers in maps of classes, and logits.
     pub fn counted(&self) -> Self {
         self.iter().filter(|class| !class.ignored).cloned().collect::<Vec<_>>().into()
+    }
+
+    /// How much a pixel of each class counts in a loss.
+    pub fn weights(&self) -> Vec<f64> {
+        self.iter().map(|class| class.weight.unwrap_or(1.0)).collect()
     }
 
     /// The class of each surface of a street, in the order of [`SurfaceClass::ALL`], as a number of [`Classes::counted`]; a surface that no such

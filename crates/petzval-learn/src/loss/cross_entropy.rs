@@ -8,32 +8,46 @@ use super::LossError;
 /// The label of a pixel that is ignored: it has neither a loss nor a score.
 pub const IGNORED: u8 = 255;
 
-/// The mean of `-log p(class of the pixel)` over the labelled pixels of a batch, where `p = softmax(logits)` over the classes.
+/// The mean of `-log p(class of the pixel)` over the labelled pixels of a batch, where `p = softmax(logits)` over the classes. A pixel counts as much
+/// as the weight of its class says.
 ///
-/// `logits`: `[batch, classes, height, width]`. `labels`: the class of each pixel, picture by picture and row by row, or [`IGNORED`]. An ignored
-/// pixel has no share in the loss, and no gradient. Without a labelled pixel the loss is 0. Fails if the number of labels is not that of the
-/// pixels, or if a label is no class.
-pub fn cross_entropy(logits: Tensor<4>, labels: &[u8]) -> Result<Tensor<1>, LossError> {
+/// `logits`: `[batch, classes, height, width]`. `labels`: the class of each pixel, picture by picture and row by row, or [`IGNORED`]. `weights`: one
+/// for each class, positive. An ignored pixel has no share in the loss, and no gradient. Without a labelled pixel the loss is 0. Fails if there is not
+/// a label for each pixel and a weight for each class, or if a label is no class.
+pub fn cross_entropy(logits: Tensor<4>, labels: &[u8], weights: &[f64]) -> Result<Tensor<1>, LossError> {
     let [batch, classes, height, width] = logits.dims();
     let pixels = batch * height * width;
     if labels.len() != pixels {
         return Err(LossError::LabelCount { labels: labels.len(), pixels });
     }
+    if weights.len() != classes {
+        return Err(LossError::WeightCount { weights: weights.len(), classes });
+    }
     if let Some(label) = labels.iter().find(|label| usize::from(**label) >= classes && **label != IGNORED) {
         return Err(LossError::NoClass { label: *label, classes });
     }
-    let labelled = labels.iter().filter(|label| **label != IGNORED).count();
-    // A one at the class of each labelled pixel; the row of an ignored one is zero, and so is its gradient.
+    // The weight at the class of each labelled pixel; the row of an ignored one is zero, and so is its gradient.
     let mut wanted = vec![0.0_f32; pixels * classes];
     let plane = height * width;
     for (pixel, label) in labels.iter().enumerate().filter(|(_, label)| **label != IGNORED) {
         let (picture, place) = (pixel / plane, pixel % plane);
-        wanted[(picture * classes + usize::from(*label)) * plane + place] = 1.0;
+        wanted[(picture * classes + usize::from(*label)) * plane + place] =
+            weights[usize::from(*label)] as f32;
     }
     let wanted =
         Tensor::<4>::from_data(TensorData::new(wanted, [batch, classes, height, width]), &logits.device());
     let picked = log_softmax(logits, 1) * wanted;
-    Ok(picked.sum() / -(labelled.max(1) as f64))
+    let counted = label_weight(labels, weights);
+    Ok(picked.sum() / -(if counted > 0.0 { counted } else { 1.0 }))
+}
+
+/// The sum of the weights of the labelled pixels: what [`cross_entropy`] divides by.
+pub fn label_weight(labels: &[u8], weights: &[f64]) -> f64 {
+    let mut pixels = vec![0_usize; weights.len()];
+    for label in labels.iter().filter(|label| **label != IGNORED) {
+        pixels[usize::from(*label)] += 1;
+    }
+    pixels.into_iter().zip(weights).map(|(count, weight)| count as f64 * weight).sum()
 }
 
 #[cfg(test)]
@@ -52,20 +66,22 @@ mod tests {
         (logits, labels)
     }
 
-    /// The loss pixel by pixel, and its gradient `(p - 1 at the class) / labelled pixels`, in double precision.
-    fn reference(logits: &[f32], labels: &[u8]) -> (f64, Vec<f64>) {
+    /// The loss pixel by pixel, and its gradient `w (p - 1 at the class) / sum of w`, in double precision.
+    fn reference(logits: &[f32], labels: &[u8], weights: [f64; 3]) -> (f64, Vec<f64>) {
         let [_, classes, height, width] = SHAPE;
         let plane = height * width;
-        let labelled = labels.iter().filter(|label| **label != IGNORED).count() as f64;
+        let labelled = labels.iter().filter(|label| **label != IGNORED);
+        let all: f64 = labelled.map(|label| weights[usize::from(*label)]).sum();
         let (mut loss, mut gradient) = (0.0, vec![0.0; logits.len()]);
         for (pixel, label) in labels.iter().enumerate().filter(|(_, label)| **label != IGNORED) {
             let at = |class: usize| (pixel / plane * classes + class) * plane + pixel % plane;
             let powers: Vec<f64> = (0..classes).map(|class| f64::from(logits[at(class)]).exp()).collect();
             let sum: f64 = powers.iter().sum();
-            loss -= (powers[usize::from(*label)] / sum).ln() / labelled;
+            let share = weights[usize::from(*label)] / all;
+            loss -= share * (powers[usize::from(*label)] / sum).ln();
             for class in 0..classes {
                 let is_it = f64::from(u8::from(class == usize::from(*label)));
-                gradient[at(class)] = (powers[class] / sum - is_it) / labelled;
+                gradient[at(class)] = share * (powers[class] / sum - is_it);
             }
         }
         (loss, gradient)
@@ -75,12 +91,13 @@ mod tests {
     fn loss_and_gradient_are_those_of_the_plain_formula_and_ignored_pixels_have_none() {
         let device = Device::flex().autodiff();
         for seed in 0..20 {
+            let weights = if seed < 10 { [1.0; 3] } else { [0.5, 1.0, 7.0] };
             let (values, labels) = drawn(seed);
             let logits =
                 Tensor::<4>::from_data(TensorData::new(values.clone(), SHAPE), &device).require_grad();
-            let loss = cross_entropy(logits.clone(), &labels).unwrap();
+            let loss = cross_entropy(logits.clone(), &labels, &weights).unwrap();
             let gradient = logits.grad(&loss.backward()).unwrap().into_data().try_to_vec::<f32>().unwrap();
-            let (expected, slopes) = reference(&values, &labels);
+            let (expected, slopes) = reference(&values, &labels, weights);
             let loss = f64::from(loss.into_data().try_to_vec::<f32>().unwrap()[0]);
             assert!((loss - expected).abs() < 1e-5 * expected, "{loss} {expected}");
             for (i, (found, slope)) in gradient.iter().zip(&slopes).enumerate() {
@@ -97,10 +114,12 @@ mod tests {
     #[test]
     fn pictures_without_labels_have_no_loss_and_wrong_labels_are_refused() {
         let logits = Tensor::<4>::ones(SHAPE, &Device::flex());
-        let none = cross_entropy(logits.clone(), &[IGNORED; 40]).unwrap();
+        let loss = |labels: &[u8], weights: &[f64]| cross_entropy(logits.clone(), labels, weights);
+        let none = loss(&[IGNORED; 40], &[1.0; 3]).unwrap();
         assert_eq!(none.into_data().try_to_vec::<f32>().unwrap(), [0.0]);
-        let refused = |labels: &[u8]| cross_entropy(logits.clone(), labels).unwrap_err().to_string();
-        assert!(refused(&[0; 39]).contains("39 labels for 40 pixels"));
-        assert!(refused(&[3; 40]).contains("label 3"));
+        let refused = |labels: &[u8], weights: &[f64]| loss(labels, weights).unwrap_err().to_string();
+        assert!(refused(&[0; 39], &[1.0; 3]).contains("39 labels for 40 pixels"));
+        assert!(refused(&[3; 40], &[1.0; 3]).contains("label 3"));
+        assert!(refused(&[0; 40], &[1.0; 2]).contains("2 weights for 3 classes"));
     }
 }

@@ -58,6 +58,14 @@ pub enum LossError {
         /// Pixels of the batch.
         pixels: usize,
     },
+    /// There are more or fewer weights than classes.
+    #[error("{weights} weights for {classes} classes")]
+    WeightCount {
+        /// Weights.
+        weights: usize,
+        /// Classes.
+        classes: usize,
+    },
     /// A label is the number of no class.
     #[error("label {label} where there are {classes} classes; labels are 0 to {}, or 255 where a pixel is ignored", classes.saturating_sub(1))]
     NoClass {

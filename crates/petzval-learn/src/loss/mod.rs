@@ -11,7 +11,7 @@ mod lpips;
 mod named;
 mod ssim;
 
-pub use cross_entropy::{IGNORED, cross_entropy};
+pub use cross_entropy::{IGNORED, cross_entropy, label_weight};
 pub use difference::{l1, l2};
 pub use error::LossError;
 pub use image_loss::{ImageLoss, ImageLossParts, ImageTarget, LossPart};

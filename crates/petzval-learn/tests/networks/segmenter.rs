@@ -18,15 +18,15 @@ fn it_begins_undecided_and_learns_the_classes_of_bright_and_dark_pixels() {
     // The third class is nowhere.
     let labels: Vec<u8> = mean.iter().map(|v| u8::from(*v > 0.5)).collect();
     let value = |loss: &Tensor<1>| loss.clone().into_data().try_to_vec::<f32>().unwrap()[0];
-    let first = cross_entropy(network.forward(pictures.clone()), &labels).unwrap();
+    let first = cross_entropy(network.forward(pictures.clone()), &labels, &[1.0; 3]).unwrap();
     assert!((value(&first) - 3.0_f32.ln()).abs() < 1e-5);
     let mut optimizer = AdamConfig::new().init();
     for _ in 0..200 {
-        let loss = cross_entropy(network.forward(pictures.clone()), &labels).unwrap();
+        let loss = cross_entropy(network.forward(pictures.clone()), &labels, &[1.0; 3]).unwrap();
         let gradients = GradientsParams::from_grads(loss.backward(), &network);
         network = optimizer.step(1e-2, network, gradients);
     }
-    let last = value(&cross_entropy(network.forward(pictures.clone()), &labels).unwrap());
+    let last = value(&cross_entropy(network.forward(pictures.clone()), &labels, &[1.0; 3]).unwrap());
     assert!(last < 0.3, "{last}");
     // Its file is read back; one of another number of classes is refused.
     let file = network.to_safetensors().unwrap();

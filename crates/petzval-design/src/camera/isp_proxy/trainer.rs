@@ -1,11 +1,11 @@
 //! A network learns what an ISP makes of raw frames, and how that changes with the parameters.
 
-use burn::optim::{GradientsParams, ModuleOptimizer};
+use burn::optim::GradientsParams;
 use burn::prelude::*;
-use burn::tensor::{Bytes, TensorData};
+use burn::tensor::TensorData;
 use petzval_camera::isp::{Isp, RawInput, RgbPicture};
 use petzval_learn::network::IspProxyConfig;
-use petzval_learn::optimizer::muon_and_adam;
+use petzval_learn::optimizer::{Optimizer, muon_and_adam};
 use petzval_learn::proxy_isp::{FRAME_NUMBERS, ProxyIsp};
 use petzval_learn::weight_file::Weights;
 use rayon::prelude::*;
@@ -59,7 +59,7 @@ pub struct ProxyTrainer {
     /// Where the parameters lie about which the proxy is wanted, in their ranges.
     centre: Vec<f64>,
     proxy: ProxyIsp,
-    optimizer: ModuleOptimizer,
+    optimizer: Optimizer,
     device: Device,
 }
 
@@ -78,7 +78,7 @@ impl ProxyTrainer {
         let config = IspProxyConfig { parameters, base_channels, levels, ..IspProxyConfig::default() };
         let network = config.init(seed, device)?;
         let proxy = ProxyIsp::new(isp, varied, values.clone(), network);
-        let (centre, optimizer) = (proxy.places(&values), muon_and_adam(&proxy.network));
+        let (centre, optimizer) = (proxy.places(&values), fresh_optimizer(&proxy));
         Ok(Self { training, centre, proxy, optimizer, device: device.clone() })
     }
 
@@ -158,11 +158,11 @@ impl ProxyTrainer {
 
     /// Weights and the state of the optimiser, as bytes.
     pub fn save(&self) -> Result<[Vec<u8>; 2]> {
-        let optimizer = self.optimizer.into_bytes().map_err(|e| DesignError::Unwritable {
+        let optimizer = self.optimizer.to_bytes().map_err(|e| DesignError::Unwritable {
             what: "the optimiser of the proxy",
             problem: e.to_string(),
         })?;
-        Ok([self.proxy.network.to_bytes()?, optimizer.to_vec()])
+        Ok([self.proxy.network.to_bytes()?, optimizer])
     }
 
     /// The weights as a safetensors file.
@@ -173,12 +173,16 @@ impl ProxyTrainer {
     /// Takes over what [`ProxyTrainer::save`] returned.
     pub fn load(&mut self, [weights, optimizer]: [Vec<u8>; 2]) -> Result<()> {
         self.proxy.network = self.proxy.network.clone().load_bytes(weights)?;
-        self.optimizer =
-            muon_and_adam(&self.proxy.network).from_bytes(Bytes::from_bytes_vec(optimizer)).map_err(|e| {
-                DesignError::Unwritable { what: "the optimiser of the proxy", problem: e.to_string() }
-            })?;
+        self.optimizer = fresh_optimizer(&self.proxy).with_bytes(&optimizer).map_err(|e| {
+            DesignError::Unwritable { what: "the optimiser of the proxy", problem: e.to_string() }
+        })?;
         Ok(())
     }
+}
+
+/// An optimiser that has not seen a gradient yet.
+fn fresh_optimizer(proxy: &ProxyIsp) -> Optimizer {
+    Optimizer::new(&proxy.network, muon_and_adam(&proxy.network))
 }
 
 /// The linear digital numbers of a frame as a tensor.

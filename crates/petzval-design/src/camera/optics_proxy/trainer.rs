@@ -1,9 +1,10 @@
 //! A network learns the PSFs of lenses that are traced for it.
 
-use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
+use burn::optim::{AdamConfig, GradientsParams};
 use burn::prelude::*;
-use burn::tensor::{Bytes, TensorData};
+use burn::tensor::TensorData;
 use petzval_learn::network::{OpticsProxyConfig, PredictedPsfs};
+use petzval_learn::optimizer::Optimizer;
 use petzval_learn::weight_file::Weights;
 use petzval_optics::lens::Lens;
 use rayon::prelude::*;
@@ -53,7 +54,7 @@ pub struct ProxyOpticsTrainer {
     sampler: LensSampler,
     training: OpticsTraining,
     proxy: ProxyOptics,
-    optimizer: ModuleOptimizer,
+    optimizer: Optimizer,
     device: Device,
 }
 
@@ -70,7 +71,8 @@ impl ProxyOpticsTrainer {
         let OpticsTraining { seed, hidden, channels, .. } = training;
         let config = OpticsProxyConfig { hidden, channels, ..OpticsProxyConfig::default() };
         let proxy = ProxyOptics::new(space, domain, scale, config, seed, device)?;
-        Ok(Self { sampler, training, proxy, optimizer: AdamConfig::new().init(), device: device.clone() })
+        let optimizer = Optimizer::new(&proxy.network, AdamConfig::new().init());
+        Ok(Self { sampler, training, proxy, optimizer, device: device.clone() })
     }
 
     /// The network as it stands.
@@ -120,8 +122,8 @@ impl ProxyOpticsTrainer {
 
     /// Weights and the state of the optimiser, as bytes.
     pub fn save(&self) -> Result<[Vec<u8>; 2]> {
-        let optimizer = self.optimizer.into_bytes().map_err(|e| unusable(&e))?;
-        Ok([self.proxy.network.to_bytes()?, optimizer.to_vec()])
+        let optimizer = self.optimizer.to_bytes().map_err(|e| unusable(&e))?;
+        Ok([self.proxy.network.to_bytes()?, optimizer])
     }
 
     /// The weights as a safetensors file.
@@ -132,8 +134,8 @@ impl ProxyOpticsTrainer {
     /// Takes over what [`ProxyOpticsTrainer::save`] returned.
     pub fn load(&mut self, [weights, optimizer]: [Vec<u8>; 2]) -> Result<()> {
         self.proxy.network = self.proxy.network.clone().load_bytes(weights)?;
-        let bytes = Bytes::from_bytes_vec(optimizer);
-        self.optimizer = AdamConfig::new().init().from_bytes(bytes).map_err(|e| unusable(&e))?;
+        let fresh = Optimizer::new(&self.proxy.network, AdamConfig::new().init());
+        self.optimizer = fresh.with_bytes(&optimizer).map_err(|e| unusable(&e))?;
         Ok(())
     }
 }

@@ -74,6 +74,7 @@ fn check_has_boxes(classes: &Classes, text: &str) -> Result<(), FileError> {
             }
             None if class.ignored => Some(("ignored", "boxes of no class are left out".to_owned())),
             None if !class.values.is_empty() => Some(("values", "boxes have no values of pixels".to_owned())),
+            None if class.weight.is_some() => Some(("weight", "all boxes count alike in a loss".to_owned())),
             None => None,
         };
         if let Some((key, message)) = wrong {

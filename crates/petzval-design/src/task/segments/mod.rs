@@ -13,7 +13,7 @@ use petzval_camera::image::LinearImage;
 use petzval_camera::tape::{Frames, on_device};
 use petzval_files::index_png_bytes;
 use petzval_learn::dataset::{ClassMap, IGNORED_VALUES, LabelledPictures, ObjectClass, StreetThing};
-use petzval_learn::loss::{IGNORED, NamedLoss, cross_entropy};
+use petzval_learn::loss::{NamedLoss, cross_entropy, label_weight};
 use petzval_learn::network::Segmenter;
 use petzval_learn::score::segmentation::segment_scores;
 
@@ -64,6 +64,9 @@ impl Task for Segments {
     }
 }
 
+/// The largest weight of a class. Beside so large a one, pixels of classes without a weight have no say.
+const MOST_WEIGHT: f64 = 1000.0;
+
 /// Refuses classes that take nothing, or the same as another one.
 fn check_classes(experiment: &Experiment, text: &str) -> Result<(), FileError> {
     let wrong = |i: usize, key: &str, message: String, hint: &str| {
@@ -75,7 +78,7 @@ fn check_classes(experiment: &Experiment, text: &str) -> Result<(), FileError> {
     let classes = experiment.classes();
     let is_street = experiment.data == STREET;
     for (i, class) in classes.iter().enumerate() {
-        let ObjectClass { name, street, values, .. } = class;
+        let ObjectClass { name, street, values, weight, .. } = class;
         if let Some(object) = street.iter().find(|thing| thing.surface().is_none()) {
             let surfaces = StreetThing::ALL.into_iter().filter(|thing| thing.surface().is_some());
             let hint = surfaces.map(StreetThing::name).collect::<Vec<_>>().join(", ");
@@ -85,6 +88,15 @@ fn check_classes(experiment: &Experiment, text: &str) -> Result<(), FileError> {
         if let Some(value) = values.iter().find(|value| IGNORED_VALUES.contains(value)) {
             let hint = "leave it out: 255, and 65535 in files of 16 bits, are never judged";
             return wrong(i, "values", format!("{value} is always ignored"), hint);
+        }
+        if let Some(weight) = weight.filter(|weight| !(*weight > 0.0 && *weight <= MOST_WEIGHT)) {
+            let message = format!("a weight of {weight} is not above 0 and at most {MOST_WEIGHT}");
+            return wrong(
+                i,
+                "weight",
+                message,
+                "ignored = true leaves a class out; without a weight a class counts 1",
+            );
         }
         if is_street && street.is_empty() {
             let hint = "name surfaces in `street`, such as [\"road\"], or a folder of pictures in `data`";
@@ -146,8 +158,8 @@ impl PreparedTask for PreparedSegments {
         network::block(&cameras.experiment, &cameras.body.device)
     }
 
-    fn objective(&self, _: &Cameras) -> Result<Box<dyn Objective>> {
-        Ok(Box::new(NameClasses))
+    fn objective(&self, cameras: &Cameras) -> Result<Box<dyn Objective>> {
+        Ok(Box::new(NameClasses { weights: cameras.experiment.classes().counted().weights() }))
     }
 
     fn judge(&self, cameras: &Cameras) -> Result<Box<dyn Judge>> {
@@ -172,7 +184,10 @@ impl PreparedTask for PreparedSegments {
 }
 
 /// The loss of the camera's own network. Whatever moves, the lens, the ISP or the network, moves so that more pixels get their class.
-struct NameClasses;
+struct NameClasses {
+    /// How much a pixel of each class counts.
+    weights: Vec<f64>,
+}
 
 impl Objective for NameClasses {
     fn loss(&self, camera: &Camera, frames: &Frames, shots: &[Shot]) -> Result<NamedLoss> {
@@ -182,22 +197,22 @@ impl Objective for NameClasses {
             labels.extend(&shot.labels.of::<ClassMap>().ok_or(DesignError::OtherTask)?.classes);
         }
         let logits = reader.logits(frames.finished.clone());
-        Ok(NamedLoss::sum(vec![("cross_entropy", cross_entropy(logits, &labels)?)])?)
+        Ok(NamedLoss::sum(vec![("cross_entropy", cross_entropy(logits, &labels, &self.weights)?)])?)
     }
 
-    /// The loss is a mean over labelled pixels.
+    /// The loss is a weighted mean over labelled pixels.
     fn windows(&self) -> WindowsOf {
         WindowsOf::Apart
     }
 
     fn shares(&self, shots: &[Shot]) -> Result<Vec<f64>> {
-        let labelled = |shot: &Shot| {
+        let counted = |shot: &Shot| {
             let map = shot.labels.of::<ClassMap>().ok_or(DesignError::OtherTask)?;
-            Ok::<usize, DesignError>(map.classes.iter().filter(|class| **class != IGNORED).count())
+            Ok::<f64, DesignError>(label_weight(&map.classes, &self.weights))
         };
-        let labelled = shots.iter().map(labelled).collect::<Result<Vec<usize>>>()?;
-        let all = labelled.iter().sum::<usize>().max(1) as f64;
-        Ok(labelled.into_iter().map(|count| count as f64 / all).collect())
+        let counted = shots.iter().map(counted).collect::<Result<Vec<f64>>>()?;
+        let all: f64 = counted.iter().sum();
+        Ok(counted.into_iter().map(|weight| if all > 0.0 { weight / all } else { 0.0 }).collect())
     }
 }
 
@@ -227,6 +242,15 @@ mod tests {
         assert!(
             refused(&two(road, &format!("{sky}\nstate = \"red\""))).contains("is for objects with boxes")
         );
+        for weight in ["0", "-1", "1001", "nan"] {
+            let weighted = refused(&two(road, &format!("{sky}\nweight = {weight}")));
+            assert!(
+                weighted.contains("is not above 0 and at most 1000") && weighted.contains("line"),
+                "{weighted}"
+            );
+        }
+        let weighted = format!("task = \"segments\"\n{}", two(road, &format!("{sky}\nweight = 2.5")));
+        assert_eq!(Experiment::parse(&weighted).unwrap().classes().weights(), [1.0, 2.5]);
         let own = |one: &str, other: &str| refused(&format!("data = \"folder\"\n{}", two(one, other)));
         assert!(own("values = [1]", road).contains("the class `b` takes no value of label images"));
         assert!(own("values = [1, 2]", "values = [3, 2]").contains("`2` is of the class `a`, too"));
