@@ -65,7 +65,7 @@ kinds! {
         "check that boxes are in pixels of this picture, not of one of another size";
     CornerBoxes Error "Many boxes reach out of their pictures as they stand, and none would as two corners."
         "COCO boxes are [x, y, width, height]: subtract the first number from the third and the second from the fourth; if they are so already, state it: \"bbox_mode\": 1 in each annotation";
-    ShareBoxes Error "No number of any box is larger than 1: these are shares of the picture."
+    ShareBoxes Error "Many boxes have no number larger than 1: these are shares of the picture."
         "COCO boxes are in pixels: multiply by width and height of the picture; YOLO label files have shares, see `data convert yolo`";
     UnknownImage Error "An annotation names a picture that is not listed; it is left out."
         "add the picture to `images`";

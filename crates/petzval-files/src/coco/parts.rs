@@ -7,7 +7,8 @@ use super::data_set::{Category, DataSet};
 /// One data set of parts and their names. Classes of one name become one, with the number that the first part with it gives it, if that is free.
 /// Pictures and objects are numbered anew. A picture that names no part is of that of its file.
 pub(super) fn joined(parts: Vec<(String, DataSet)>) -> DataSet {
-    let mut whole = DataSet::default();
+    let states_form = parts.iter().all(|(_, data)| data.states_form);
+    let mut whole = DataSet { states_form, ..DataSet::default() };
     let mut numbers: HashMap<String, u64> = HashMap::new();
     let mut taken = HashSet::new();
     for (part, data) in parts {

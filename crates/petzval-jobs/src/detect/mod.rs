@@ -274,6 +274,7 @@ fn labelled(place: &Path, out: Option<&Path>, context: &Context) -> Result<(Vec<
         return Err(JobError::input(message, "name another folder for --out"));
     }
     check_pictures_in(&mut loaded, &CheckedPictures::default(), context)?;
+    loaded.check_form()?;
     for line in loaded.defects.lines(place) {
         context.warning(WarningKind::DataSet, line);
     }

@@ -102,6 +102,7 @@ impl LabelledPictures {
         loaded.check_form()?;
         let how = PictureCheck { most_light_bytes: READ_AT_ONCE, remembered: &CheckedPictures::default() };
         let are_decoded = check_pictures_by(&mut loaded, &how, &|_| cancel.check())?;
+        loaded.check_form()?;
         let mut notes = Vec::new();
         let data = &loaded.data;
         let objects = data.objects_of_images();
