@@ -77,7 +77,7 @@ kinds! {
         "give every class its own id";
     MissingPicture Error "The file of a picture does not exist; picture and boxes are left out."
         "put the pictures where the format has them: for COCO beside the annotations or into `images` there, for KITTI into `image_2`, for Pascal VOC into `JPEGImages`";
-    SeveralPictures Error "Labels name a picture of which there are several in other folders, and nothing says which is meant; they are left out."
+    SeveralPictures Error "Labels name a picture of which there are several, and nothing says which is meant; they are left out."
         "lay labels and pictures of each part into folders of one name, such as `train`; or give every picture its own name";
     UnreadablePicture Error "The file of a picture cannot be decoded; picture and boxes are left out."
         "replace it by an undamaged PNG, JPEG, TIFF or OpenEXR file";
@@ -129,6 +129,12 @@ kinds! {
         "fine if another file has their boxes; else they are no background and are left out";
     PictureWithoutLabels Warning "A picture has no labels; it is left out."
         "fine for masks; to keep it as background, give it labels that list no object";
+    PartWithoutPictures Warning "The file of class names lists a part that has no pictures here."
+        "correct the path, which counts from the folder of the data set; pictures of no named part have that of their folder, if it is called `train`, `val` or `test`";
+    ListedWithoutPicture Warning "A list of a part names a picture that is not there."
+        "correct the list, or add the picture";
+    PictureInTwoParts Warning "Lists name a picture in two parts of the data set; it is held out."
+        "keep it in one list: a picture that is learned from must not be judged on";
     SamePicture Warning "Two picture files have the same content."
         "keep one, or a picture may be both learned from and judged on";
     RepeatedBox Warning "Two annotations of a picture have the same class and the same box."
