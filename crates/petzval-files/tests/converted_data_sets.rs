@@ -773,6 +773,35 @@ fn states_of_every_version_of_bdd100k_are_read_and_labels_without_boxes_are_coun
 }
 
 #[test]
+fn crowds_and_what_is_ignored_in_bdd100k_are_not_judged() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    write_png(root, "a.png", 100, 40);
+    let object = |keys: &str| {
+        format!(r#"{{"category": "car", {keys}, "box2d": {{"x1": 1, "y1": 5, "x2": 9, "y2": 15}}}}"#)
+    };
+    for (keys, wanted) in [
+        (r#""attributes": {"ignored": true}"#, (true, true)),
+        (r#""attributes": {"Ignored": true, "Crowd": false}"#, (true, true)),
+        (r#""ignored": true"#, (true, true)),
+        (r#""attributes": {"crowd": true}"#, (true, false)),
+        (r#""attributes": {"ignored": false}, "ignored": null"#, (false, false)),
+        (r#""attributes": {"occluded": true}"#, (false, false)),
+    ] {
+        write(root, "labels.json", &format!(r#"[{{"name": "a.png", "labels": [{}]}}]"#, object(keys)));
+        let converted = convert(SourceFormat::Bdd100k, root, None, &Cancel::default()).unwrap();
+        let object = &converted.data.annotations[0];
+        assert_eq!((object.crowd, object.ignore), wanted, "{keys}");
+    }
+    write(
+        root,
+        "labels.json",
+        &format!(r#"[{{"name": "a.png", "labels": [{}]}}]"#, object(r#""ignored": "no""#)),
+    );
+    fails(SourceFormat::Bdd100k, root, &["labels.json", "labels[0].ignored", "wrong type", "true or false"]);
+}
+
+#[test]
 fn letters_of_labels_are_never_guessed() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();

@@ -2,7 +2,7 @@
 //!
 //! <https://doc.bdd100k.com/format.html>. Lanes and drivable areas without `box2d` are left out and counted, and so are lists that have no
 //! other labels: their pictures are no background. Another label without a box is an error of its own. A file of one picture has all labels
-//! of it. The colour of a traffic light becomes the attribute `state`: `red`, `yellow` and `green`, or `R`, `Y` and `G`. A stated `size` is that of the picture. Labels of whole
+//! of it. The colour of a traffic light becomes the attribute `state`: `red`, `yellow` and `green`, or `R`, `Y` and `G`. Objects with `crowd` or `ignored` are crowds. A stated `size` is that of the picture. Labels of whole
 //! pictures, such as the weather, are not read.
 
 use std::collections::BTreeMap;
@@ -60,6 +60,10 @@ struct Object {
     attributes: Option<BTreeMap<String, Loose>>,
     #[serde(default)]
     score: Loose,
+    #[serde(default)]
+    crowd: Loose,
+    #[serde(default)]
+    ignored: Loose,
 }
 
 impl Object {
@@ -261,10 +265,18 @@ fn label<'a>(
                 }
             },
         };
-        // Files of tracks mark crowds.
-        label.crowd |= name == "crowd" && value == Attribute::Flag(true);
+        // Scalabel judges neither crowds nor what is ignored: both are crowds in its files in COCO format.
+        let is_said = matches!(value, Attribute::Flag(true) | Attribute::Number(1.0));
+        let is_ignored = is_said && name.eq_ignore_ascii_case("ignored");
+        label.crowd |= is_ignored || is_said && name.eq_ignore_ascii_case("crowd");
+        label.ignore |= is_ignored;
         label.attributes.insert(name.clone(), value);
     }
+    let flag =
+        |value: &Loose, name: &str| value.flag().map_err(|wrong| wrong_value(name, &wrong, "true or false"));
+    let is_ignored = flag(&object.ignored, "ignored")?;
+    label.crowd |= is_ignored || flag(&object.crowd, "crowd")?;
+    label.ignore |= is_ignored;
     if object.score != Loose::Absent {
         defects.add(DefectKind::ScoredLabel, || format!("{}: score {}", place(), object.score));
     }
