@@ -59,15 +59,28 @@ fn leave_out_pictures_of_lost_labels(data: &mut DataSet, defects: &mut Defects) 
     });
 }
 
+/// Takes out pictures of one id with their labels, which may be of either. An entry that is there twice is one picture.
 fn check_images(data: &mut DataSet, defects: &mut Defects) {
-    let mut ids = HashSet::new();
+    let mut firsts: HashMap<u64, Image> = HashMap::with_capacity(data.images.len());
+    let mut doubtful = HashSet::new();
     data.images.retain(|image| {
-        let is_new = ids.insert(image.id);
-        if !is_new {
-            defects.add(DefectKind::RepeatedImageId, || format!("image {}: {}", image.id, image.file_name));
+        let Some(first) = firsts.get(&image.id) else {
+            firsts.insert(image.id, image.clone());
+            return true;
+        };
+        let both = || format!("image {}: {} and {}", image.id, first.file_name, image.file_name);
+        if first == image {
+            defects.add(DefectKind::RepeatedFile, both);
+        } else {
+            doubtful.insert(image.id);
+            defects.add(DefectKind::RepeatedImageId, both);
         }
-        is_new
+        false
     });
+    if !doubtful.is_empty() {
+        data.images.retain(|image| !doubtful.contains(&image.id));
+        data.annotations.retain(|annotation| !doubtful.contains(&annotation.image_id));
+    }
     let mut files = HashMap::new();
     for image in &data.images {
         if let Some(first) = files.insert(image.file_name.as_str(), image.id) {

@@ -71,7 +71,7 @@ kinds! {
         "add the picture to `images`";
     UnknownCategory Error "An annotation names a class that is not listed; it is left out."
         "add the class to `categories`";
-    RepeatedImageId Error "Two pictures have one id; the second is left out."
+    RepeatedImageId Error "Two pictures have one id; both are left out with their labels, which may be of either."
         "give every picture its own id";
     RepeatedCategoryId Error "Two classes have one id; the second is left out."
         "give every class its own id";

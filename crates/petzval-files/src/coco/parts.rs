@@ -18,7 +18,7 @@ pub(super) fn joined(parts: Vec<(String, DataSet)>) -> DataSet {
                 let id =
                     (std::iter::once(category.id).chain(1..)).find(|id| !taken.contains(id)).unwrap_or(0);
                 taken.insert(id);
-                whole.categories.push(Category { id, ..category.clone() });
+                whole.categories.push(Category { id, text_id: None, ..category.clone() });
                 id
             });
             category_ids.insert(category.id, id);
@@ -27,7 +27,7 @@ pub(super) fn joined(parts: Vec<(String, DataSet)>) -> DataSet {
         for mut image in data.images {
             let id = whole.images.len() as u64 + 1;
             image_ids.insert(image.id, id);
-            // A text may be the id of two pictures in two files.
+            // A text may be the id of two pictures in two files, and so of two classes.
             (image.id, image.text_id) = (id, None);
             image.split.get_or_insert_with(|| part.clone());
             whole.images.push(image);

@@ -228,8 +228,8 @@ fn every_defect_of_a_value_is_found_and_named() {
         (
             with("\"id\": 2, \"file_name\"", "\"id\": 1, \"file_name\""),
             DefectKind::RepeatedImageId,
-            1,
-            "image 1: b.png",
+            0,
+            "image 1: a.png and b.png",
         ),
         (with("b.png", "a.png"), DefectKind::RepeatedFile, 2, "images 1 and 2: a.png"),
         (
@@ -641,7 +641,7 @@ fn detections_are_written() {
     ];
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("found.json");
-    save_results(&detections, &data.images, &path).unwrap();
+    save_results(&detections, &data, &path).unwrap();
     let written: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
     assert_eq!(written.as_array().unwrap().len(), detections.len());
     for (record, found) in written.as_array().unwrap().iter().zip(&detections) {

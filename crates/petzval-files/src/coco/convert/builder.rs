@@ -107,7 +107,7 @@ impl Builder {
             return *id;
         }
         let id = self.data.categories.len() as u64 + 1;
-        self.data.categories.push(Category { id, name: name.to_owned(), supercategory: String::new() });
+        self.data.categories.push(Category { id, name: name.to_owned(), ..Category::default() });
         self.categories.insert(name.to_owned(), id);
         id
     }
