@@ -802,6 +802,40 @@ fn crowds_and_what_is_ignored_in_bdd100k_are_not_judged() {
 }
 
 #[test]
+fn bdd100k_labels_of_two_times_are_not_laid_on_one_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    for name in ["a.png", "b.png"] {
+        write_png(root, name, 100, 40);
+    }
+    let labels = |key: &str, left: u32| {
+        format!(r#""{key}": [{{"category": "car", "box2d": {{"x1": {left}, "y1": 5, "x2": 90, "y2": 15}}}}]"#)
+    };
+    let frame = |keys: &str, left: u32| format!("{{{keys}{}}}", labels("objects", left));
+    let entry = |name: &str, keys: &str, left: u32| {
+        format!(r#"{{"name": "{name}.png", {keys}{}}}"#, labels("labels", left))
+    };
+    let table = |frames: &[String]| format!(r#"{{"name": "a", "frames": [{}]}}"#, frames.join(", "));
+    let list = |entries: &[String]| format!("[{}]", entries.join(", "));
+    for (text, pictures, objects, times, repeated) in [
+        (table(&[frame("", 1)]), 1, 1, 0, 0),
+        (table(&[frame("\"timestamp\": 1000, ", 1), frame("\"timestamp\": 2000, ", 2)]), 0, 0, 1, 0),
+        (table(&[frame("", 1), frame("\"name\": \"b.png\", ", 2)]), 2, 2, 0, 0),
+        (list(&[entry("a", "", 1), entry("a", "", 2)]), 1, 2, 0, 1),
+        (list(&[entry("a", "\"frameIndex\": 3, ", 1), entry("a", "\"frameIndex\": 3, ", 2)]), 1, 2, 0, 1),
+        (list(&[entry("a", "\"frameIndex\": 3, ", 1), entry("a", "\"frameIndex\": 4, ", 2)]), 0, 0, 1, 0),
+        (list(&[entry("a", "\"timestamp\": 3, ", 1), entry("b", "\"timestamp\": 4, ", 2)]), 2, 2, 0, 0),
+    ] {
+        write(root, "labels.json", &text);
+        let found = convert(SourceFormat::Bdd100k, root, None, &Cancel::default()).unwrap();
+        let counts =
+            [DefectKind::SeveralTimes, DefectKind::RepeatedFile].map(|kind| found.defects.count(kind));
+        assert_eq!((found.data.images.len(), found.data.annotations.len()), (pictures, objects), "{text}");
+        assert_eq!(counts, [times, repeated], "{text}");
+    }
+}
+
+#[test]
 fn letters_of_labels_are_never_guessed() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();

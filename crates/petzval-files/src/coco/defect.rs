@@ -79,6 +79,8 @@ kinds! {
         "put the pictures where the format has them: for COCO beside the annotations or into `images` there, for KITTI into `image_2`, for Pascal VOC into `JPEGImages`";
     SeveralPictures Error "Labels name a picture of which there are several, and nothing says which is meant; they are left out."
         "lay labels and pictures of each part into folders of one name, such as `train`; or give every picture its own name";
+    SeveralTimes Error "Labels of several times are of one picture; the picture is left out with them."
+        "keep the labels of the time of the picture, or give every frame the name of its own picture";
     UnreadablePicture Error "The file of a picture cannot be decoded; picture and boxes are left out."
         "replace it by an undamaged PNG, JPEG, TIFF or OpenEXR file";
     OtherPictureSize Error "A picture has another size than stated, so that its boxes are of other pixels; both are left out."
