@@ -650,7 +650,7 @@ fn detections_are_written() {
         assert_eq!(record["bbox"], serde_json::json!(<[f64; 4]>::from(found.bounds)));
         assert_eq!(record["score"], found.score);
     }
-    let line = String::from_utf8(results_bytes(&detections[..1], &data.images)).unwrap();
+    let line = String::from_utf8(results_bytes(&detections[..1], &data)).unwrap();
     assert_eq!(line, "[\n{\"image_id\":1,\"category_id\":1,\"bbox\":[1.0,2.5,3.0,4.0],\"score\":0.75}]\n");
 }
 
