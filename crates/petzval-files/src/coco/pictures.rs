@@ -92,9 +92,14 @@ pub fn check_pictures_by(
                         Some((DefectKind::UnknownTurn, format!("{size}, orientation {exif}")))
                     }
                     BoxesOf::Other => {
-                        let (width, height) = head.upright();
+                        let ((width, height), of) = match says_turned {
+                            Some(false) if head.is_turned() => {
+                                (head.stored, " as stored (`turned` is false)")
+                            }
+                            _ => (head.upright(), ""),
+                        };
                         let text =
-                            format!("{name}: {width} x {height} px, stated {} x {}", stated.0, stated.1);
+                            format!("{name}: {width} x {height} px{of}, stated {} x {}", stated.0, stated.1);
                         Some((DefectKind::OtherPictureSize, text))
                     }
                 }

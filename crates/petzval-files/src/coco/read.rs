@@ -294,7 +294,7 @@ fn image(record: ImageRecord, ids: &Ids) -> Result<Image, (&'static str, Wrong)>
     Ok(Image {
         id: ids.number(&record.id).map_err(|wrong| ("id", wrong))?,
         text_id: ids.text(&record.id),
-        file_name: record.file_name.text().map_err(|wrong| ("file_name", wrong))?.to_owned(),
+        file_name: file_name(&record.file_name).map_err(|wrong| ("file_name", wrong))?,
         width: side(&record.width, "width")?,
         height: side(&record.height, "height")?,
         sequence: sequence.or(video),
@@ -304,6 +304,12 @@ fn image(record: ImageRecord, ids: &Ids) -> Result<Image, (&'static str, Wrong)>
             turned => Some(turned.flag().map_err(|wrong| ("turned", wrong))?),
         },
     })
+}
+
+/// The name of a picture, which is not empty.
+fn file_name(value: &Loose) -> Result<String, Wrong> {
+    let text = value.text()?;
+    if text.trim().is_empty() { Err(Wrong::Type(value.to_string())) } else { Ok(text.to_owned()) }
 }
 
 fn category(record: CategoryRecord, ids: &Ids) -> Result<Category, (&'static str, Wrong)> {

@@ -238,6 +238,7 @@ fn every_defect_of_a_value_is_found_and_named() {
             1,
             "images[0]: file_name is missing",
         ),
+        (with("\"a.png\"", "\" \""), DefectKind::WrongType, 1, "images[0]: file_name is \" \""),
         (with("\"width\": 40", "\"width\": \"40\""), DefectKind::WrongType, 1, "images[0]: width is \"40\""),
         (with("\"width\": 40", "\"width\": 1e30"), DefectKind::WrongType, 1, "images[0]: width is 1"),
         (with("\"name\": \"light\"", "\"name\": \"\""), DefectKind::RepeatedClassName, 2, "category 1"),
