@@ -137,6 +137,8 @@ kinds! {
         "correct the list, or add the picture";
     PictureInTwoParts Warning "Lists name a picture in two parts of the data set; it is held out."
         "keep it in one list: a picture that is learned from must not be judged on";
+    SmallPicture Warning "A photograph is smaller than 126 pixels, the training window of the main job; built-in experiments on photographs leave it out."
+        "give larger originals, or set a smaller `training.crop` and `scoring.crop`";
     SamePicture Warning "Two picture files have the same content."
         "keep one, or a picture may be both learned from and judged on";
     RepeatedBox Warning "Two annotations of a picture have the same class and the same box."
