@@ -46,8 +46,8 @@ pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Res
         let place = || format!("no picture for {}", path.display());
         let Some(picture) = found.noted(&place, &mut builder.defects) else { continue };
         // Labels may have another name than their picture.
-        let names = [Some(stem), picture.file_stem()].into_iter().flatten();
-        let listed = names.filter_map(|name| splits.get(name)).next().map(str::to_owned);
+        let mut names = [Some(stem), picture.file_stem()].into_iter().flatten();
+        let listed = names.find_map(|name| splits.get(name)).map(str::to_owned);
         let split = listed.or_else(|| split_of(picture.strip_prefix(root).unwrap_or(picture)));
         let Some(image) = builder.picture(root, picture, split) else { continue };
         let id = image.id;

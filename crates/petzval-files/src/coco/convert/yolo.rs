@@ -149,7 +149,8 @@ impl<'f> LabelFiles<'f> {
         let mut by_place: HashMap<PathBuf, &Path> = HashMap::new();
         for path in files.iter().filter(|path| ends_with(path, "txt")) {
             // The usual spelling comes before another one of the same name.
-            let (place, is_usual) = (in_usual_letters(path), &in_usual_letters(path) == path);
+            let place = in_usual_letters(path);
+            let is_usual = place == *path;
             let first = by_place.entry(place).or_insert(path);
             if is_usual {
                 *first = path;
