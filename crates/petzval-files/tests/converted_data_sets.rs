@@ -307,6 +307,38 @@ fn voc_boxes_count_from_one_and_difficult_objects_are_ignored() {
     write_png(root, "SegmentationClass/a.png", 100, 40);
     let converted = convert(SourceFormat::Voc, root, None, &Cancel::default()).unwrap();
     assert_eq!(converted.data.images[0].split.as_deref(), Some("valid"));
+    // `trainval` is of two parts: what no other list names is trained on. A picture of two lists is held out, and one that is not there is listed.
+    for name in ["c", "d", "e"] {
+        write_grey(root, &format!("JPEGImages/{name}.png"), 30);
+        write(root, &format!("Annotations/{name}.xml"), VOC);
+    }
+    let parts = |lists: &[(&str, &str)]| {
+        let _ = std::fs::remove_dir_all(root.join("ImageSets"));
+        lists.iter().for_each(|(list, lines)| write(root, &format!("ImageSets/Main/{list}.txt"), lines));
+        let converted = convert(SourceFormat::Voc, root, None, &Cancel::default()).unwrap();
+        let parts = converted.data.images.iter().map(|image| image.split.clone().unwrap_or_default());
+        let kinds = [DefectKind::PictureInTwoParts, DefectKind::ListedWithoutPicture];
+        (parts.collect::<Vec<_>>().join(" "), kinds.map(|kind| converted.defects.count(kind)))
+    };
+    assert_eq!(
+        parts(&[("trainval", "a\nc\nd\n"), ("test", "e\n")]),
+        ("train train train test".into(), [0, 0])
+    );
+    assert_eq!(
+        parts(&[("trainval", "a\nc\nd\ne"), ("val", "e\n")]),
+        ("train train train valid".into(), [0, 0])
+    );
+    assert_eq!(
+        parts(&[("trainval", "a\nc\nd\n"), ("train", "a\nc\n")]),
+        ("train train valid ".into(), [0, 0])
+    );
+    assert_eq!(parts(&[("trainval", "a\nc\ne\n"), ("test", "e\n")]), ("train train  test".into(), [1, 0]));
+    let lists = [("train", "a\nc\nd\nzz\n"), ("val", "d.png\nc\n")];
+    assert_eq!(parts(&lists), ("train valid valid ".into(), [2, 1]));
+    for name in ["c", "d", "e"] {
+        std::fs::remove_file(root.join(format!("JPEGImages/{name}.png"))).unwrap();
+        std::fs::remove_file(root.join(format!("Annotations/{name}.xml"))).unwrap();
+    }
     // A mask has the name of its picture.
     let unlabelled = converted.defects.iter().find(|d| d.kind == DefectKind::PictureWithoutLabels).unwrap();
     assert!(unlabelled.count == 1 && unlabelled.first[0].ends_with("b.png"), "{unlabelled:?}");
@@ -547,15 +579,112 @@ fn parts_of_yolo_are_those_that_its_file_names() {
             let image = converted.data.images.iter().find(|image| image.file_name.contains(of)).unwrap();
             image.split.clone()
         };
-        let unread = converted.defects.count(DefectKind::UnreadField);
-        (["one", "two", "images/train"].map(split), unread)
+        let lost = converted.defects.count(DefectKind::PartWithoutPictures);
+        (["images/one", "images/two", "images/train"].map(split), lost)
     };
     let named = |names: [&str; 3]| names.map(|name| Some(name.to_owned()).filter(|name| !name.is_empty()));
     assert_eq!(parts(""), (named(["", "", "train"]), 0));
     let yaml = "path: ../elsewhere\ntrain: [images/one, ./images/train]\nval: ../images/two\ntest:\n";
     assert_eq!(parts(yaml), (named(["train", "valid", "train"]), 0));
-    // A folder that is called otherwise, and a list, which is counted.
+    // A folder that is called otherwise, and a list that is not there, which is counted.
     assert_eq!(parts("val: images/train\ntest: lists/test.txt\n"), (named(["", "", "valid"]), 1));
+    // Folders that are not there, of which `images` alone is no place on another machine.
+    let yaml = "train: imges/one\nval: /home/x/set/images/two\ntest: /home/x/images\n";
+    assert_eq!(parts(yaml), (named(["", "valid", "train"]), 2));
+    // `path` counts where its folder is here: the parts lie in it, though folders of their names lie beside it.
+    write_png(root, "images/sub/two/a.png", 100, 40);
+    write(root, "labels/sub/two/a.txt", "0 0.5 0.5 0.2 0.1\n");
+    assert_eq!(parts("path: images/sub\nval: two\n"), (named(["", "", "train"]), 0));
+    assert_eq!(parts("path: ../images\nval: two\n"), (named(["", "valid", "train"]), 0));
+    std::fs::remove_dir_all(root.join("images/sub")).unwrap();
+    std::fs::remove_dir_all(root.join("labels/sub")).unwrap();
+
+    // Lists name pictures from their own folder or from that of the data set. One that two lists name is held out.
+    write(root, "lists/a.txt", "images/one/a.png\n\n../images/two/a.png\nimages/none.png\n");
+    write(root, "b.txt", "/home/x/set/images/two/a.png\n./images/train/a.png\n");
+    assert_eq!(parts("train: lists/a.txt\nval: b.txt\n"), (named(["train", "valid", "valid"]), 0));
+    let converted = convert(SourceFormat::Yolo, root, None, &Cancel::default()).unwrap();
+    let first = |kind| &converted.defects.iter().find(|d| d.kind == kind).unwrap().first;
+    let listed = first(DefectKind::ListedWithoutPicture);
+    assert!(listed.len() == 1 && listed[0].ends_with("lists/a.txt: line 4: images/none.png"), "{listed:?}");
+    let both = first(DefectKind::PictureInTwoParts);
+    assert!(both.len() == 1 && both[0].ends_with("line 3: ../images/two/a.png, and in valid"), "{both:?}");
+}
+
+#[test]
+fn yolo_files_that_give_a_number_to_two_classes_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    for part in ["train", "val"] {
+        write_png(root, &format!("{part}/images/{part}.png"), 100, 40);
+        write(root, &format!("{part}/labels/{part}.txt"), "0 0.5 0.5 0.2 0.1\n");
+    }
+    let classes = || convert(SourceFormat::Yolo, root, None, &Cancel::default()).unwrap().data.categories;
+    let names = || classes().into_iter().map(|class| class.name).collect::<Vec<_>>();
+    write(root, "train/labels/classes.txt", "person\ncar\n");
+    write(root, "val/labels/classes.txt", "car\nperson\n");
+    let files = ["val/labels/classes.txt", "train/labels/classes.txt", "class 0 is `car`, and `person` in"];
+    fails(SourceFormat::Yolo, root, &files);
+    // A file may know fewer classes, or write them in capitals.
+    write(root, "val/labels/classes.txt", "Person\ncar\nbus\n");
+    assert_eq!(names(), ["Person", "car", "bus"]);
+    write(root, "data.yaml", "names: [person, car]\n");
+    assert_eq!(names(), ["person", "car"]);
+    write(root, "val/labels/classes.txt", "person\nbus\n");
+    fails(
+        SourceFormat::Yolo,
+        root,
+        &["val/labels/classes.txt", "data.yaml", "class 1 is `bus`, and `car` in"],
+    );
+    write(root, "val/labels/classes.txt", "person\n");
+    write(root, "more.yaml", "names: {0: car, 1: person}\n");
+    fails(SourceFormat::Yolo, root, &["more.yaml", "data.yaml", "class 0 is `car`, and `person` in"]);
+    // Other pages of a folder have no classes, or are none of this form.
+    write(root, "more.yaml", "names: [[1, 2]]\n");
+    write(root, "train/data.yaml", "lr0: 0.01\n");
+    assert_eq!(names(), ["person", "car"]);
+    write(root, "train/data.yaml", "names: [dog]\n");
+    fails(SourceFormat::Yolo, root, &["train/data.yaml", "class 0 is `dog`"]);
+}
+
+#[test]
+fn yolo_labels_are_found_in_capitals_and_are_of_one_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    write(root, "classes.txt", "car\n");
+    let label = "0 0.5 0.5 0.2 0.1\n";
+    for (name, grey) in [("train/images/a", 40), ("val/Images/b", 50), ("val/Images/c", 60)] {
+        write_grey(root, &format!("{name}.png"), grey);
+    }
+    write(root, "train/labels/a.TXT", label);
+    write(root, "val/Labels/b.txt", label);
+    write(root, "val/Labels/c.txt", "");
+    let read = || convert(SourceFormat::Yolo, root, None, &Cancel::default()).unwrap();
+    let names = |converted: &Converted| -> Vec<String> {
+        converted.data.images.iter().map(|image| image.file_name.clone()).collect()
+    };
+    let found = read();
+    assert_eq!((names(&found).len(), found.data.annotations.len(), found.defects.errors()), (3, 2, 0));
+    // Of two pictures with one file of labels neither is used, unless they are copies.
+    std::fs::copy(root.join("train/images/a.png"), root.join("train/images/a.PNG")).unwrap();
+    let copies = read();
+    assert_eq!((names(&copies).len(), copies.data.annotations.len(), copies.defects.errors()), (3, 2, 0));
+    write_grey(root, "other.png", 90);
+    std::fs::rename(root.join("other.png"), root.join("train/images/a.PNG")).unwrap();
+    let two = read();
+    let several = two.defects.iter().find(|d| d.kind == DefectKind::SeveralPictures).unwrap();
+    assert!(several.count == 1 && several.first[0].contains("a.PNG or "), "{several:?}");
+    assert_eq!((names(&two).len(), two.data.annotations.len()), (2, 1));
+    // Labels that lie where no picture looks for them make no background of the pictures of their name.
+    std::fs::remove_file(root.join("train/images/a.PNG")).unwrap();
+    write_grey(root, "train/images/inner/d.png", 70);
+    write(root, "train/labels/d.txt", label);
+    let lost = read();
+    assert_eq!(names(&lost).len(), 3);
+    assert_eq!(
+        [DefectKind::MissingPicture, DefectKind::PictureOfLostLabels].map(|kind| lost.defects.count(kind)),
+        [1, 1]
+    );
 }
 
 #[test]
@@ -641,6 +770,69 @@ fn states_of_every_version_of_bdd100k_are_read_and_labels_without_boxes_are_coun
     let outlines = convert(SourceFormat::Bdd100k, root, None, &Cancel::default()).unwrap();
     assert_eq!(outlines.defects.count(DefectKind::FileWithoutBoxes), 0);
     assert_eq!(outlines.defects.count(DefectKind::LabelWithoutBox), 1);
+}
+
+#[test]
+fn crowds_and_what_is_ignored_in_bdd100k_are_not_judged() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    write_png(root, "a.png", 100, 40);
+    let object = |keys: &str| {
+        format!(r#"{{"category": "car", {keys}, "box2d": {{"x1": 1, "y1": 5, "x2": 9, "y2": 15}}}}"#)
+    };
+    for (keys, wanted) in [
+        (r#""attributes": {"ignored": true}"#, (true, true)),
+        (r#""attributes": {"Ignored": true, "Crowd": false}"#, (true, true)),
+        (r#""ignored": true"#, (true, true)),
+        (r#""attributes": {"crowd": true}"#, (true, false)),
+        (r#""attributes": {"ignored": false}, "ignored": null"#, (false, false)),
+        (r#""attributes": {"occluded": true}"#, (false, false)),
+    ] {
+        write(root, "labels.json", &format!(r#"[{{"name": "a.png", "labels": [{}]}}]"#, object(keys)));
+        let converted = convert(SourceFormat::Bdd100k, root, None, &Cancel::default()).unwrap();
+        let object = &converted.data.annotations[0];
+        assert_eq!((object.crowd, object.ignore), wanted, "{keys}");
+    }
+    write(
+        root,
+        "labels.json",
+        &format!(r#"[{{"name": "a.png", "labels": [{}]}}]"#, object(r#""ignored": "no""#)),
+    );
+    fails(SourceFormat::Bdd100k, root, &["labels.json", "labels[0].ignored", "wrong type", "true or false"]);
+}
+
+#[test]
+fn bdd100k_labels_of_two_times_are_not_laid_on_one_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    for name in ["a.png", "b.png"] {
+        write_png(root, name, 100, 40);
+    }
+    let labels = |key: &str, left: u32| {
+        format!(r#""{key}": [{{"category": "car", "box2d": {{"x1": {left}, "y1": 5, "x2": 90, "y2": 15}}}}]"#)
+    };
+    let frame = |keys: &str, left: u32| format!("{{{keys}{}}}", labels("objects", left));
+    let entry = |name: &str, keys: &str, left: u32| {
+        format!(r#"{{"name": "{name}.png", {keys}{}}}"#, labels("labels", left))
+    };
+    let table = |frames: &[String]| format!(r#"{{"name": "a", "frames": [{}]}}"#, frames.join(", "));
+    let list = |entries: &[String]| format!("[{}]", entries.join(", "));
+    for (text, pictures, objects, times, repeated) in [
+        (table(&[frame("", 1)]), 1, 1, 0, 0),
+        (table(&[frame("\"timestamp\": 1000, ", 1), frame("\"timestamp\": 2000, ", 2)]), 0, 0, 1, 0),
+        (table(&[frame("", 1), frame("\"name\": \"b.png\", ", 2)]), 2, 2, 0, 0),
+        (list(&[entry("a", "", 1), entry("a", "", 2)]), 1, 2, 0, 1),
+        (list(&[entry("a", "\"frameIndex\": 3, ", 1), entry("a", "\"frameIndex\": 3, ", 2)]), 1, 2, 0, 1),
+        (list(&[entry("a", "\"frameIndex\": 3, ", 1), entry("a", "\"frameIndex\": 4, ", 2)]), 0, 0, 1, 0),
+        (list(&[entry("a", "\"timestamp\": 3, ", 1), entry("b", "\"timestamp\": 4, ", 2)]), 2, 2, 0, 0),
+    ] {
+        write(root, "labels.json", &text);
+        let found = convert(SourceFormat::Bdd100k, root, None, &Cancel::default()).unwrap();
+        let counts =
+            [DefectKind::SeveralTimes, DefectKind::RepeatedFile].map(|kind| found.defects.count(kind));
+        assert_eq!((found.data.images.len(), found.data.annotations.len()), (pictures, objects), "{text}");
+        assert_eq!(counts, [times, repeated], "{text}");
+    }
 }
 
 #[test]

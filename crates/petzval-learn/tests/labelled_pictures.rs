@@ -192,6 +192,36 @@ fn what_names_no_part_is_not_trained_on() {
     assert!(notes.iter().any(|note| note.contains("3 pictures name no part")), "{notes:?}");
 }
 
+#[test]
+fn parts_for_training_are_known_by_how_their_names_begin_and_tests_never_train() {
+    // Of fifteen pictures ten are of the larger part.
+    let said = |small: &str, large: &str| {
+        let parts = tempfile::tempdir().unwrap();
+        folder(parts.path(), 15, "person");
+        mark(parts.path(), |i| format!(r#""split": "{}""#, if i % 3 == 0 { small } else { large }));
+        load(parts.path(), CROP).map(|(pictures, notes)| {
+            let note = notes.into_iter().find(|note| note.contains("for training: ")).unwrap_or_default();
+            (
+                pictures.count(List::HeldOut),
+                note.split_once(": ").map(|(_, note)| note.to_owned()).unwrap_or_default(),
+            )
+        })
+    };
+    for (small, large, held_out, note) in [
+        ("TRAIN", "val", 10, "for training: `TRAIN`; held out: `val`"),
+        ("train2017", "val2017", 10, "for training: `train2017`; held out: `val2017`"),
+        ("Training", "test", 10, "for training: `Training`; held out: `test`"),
+        ("train_b", "train", 5, "for training: `train`; held out: `train_b`"),
+        ("day", "night", 5, "for training: `night`; held out: `day`"),
+        ("val", "test", 10, "for training: `val`; held out: `test`"),
+        ("test", "", 5, "for training: pictures without a part; held out: `test`"),
+    ] {
+        assert_eq!(said(small, large), Ok((held_out, note.to_owned())), "{small}, {large}");
+    }
+    let error = said("test", "Test-dev").unwrap_err();
+    assert!(error.contains("all pictures are of a part for tests"), "{error}");
+}
+
 /// Writes keys into the records of the pictures of a folder: `more` says which, by the picture's number, from 1.
 fn mark(path: &Path, more: impl Fn(usize) -> String) {
     let file = path.join("annotations.json");

@@ -2,7 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::bounds::short;
+use super::bounds::{Bounds, short};
 use super::data_set::{Annotation, DataSet, Image};
 use super::defect::{DefectKind, Defects};
 use super::light_state::light_state;
@@ -13,7 +13,8 @@ pub const MANY_BOXES: usize = 1000;
 /// Fewer boxes than this do not show in which form they are.
 const LEAST_BOXES: usize = 3;
 
-/// If so large a share of the boxes reach out of their pictures, and none would as two corners, they are corners.
+/// If so large a share of the boxes reach out of their pictures, and none would as two corners, they are corners. If so large a share lie in the
+/// first pixel of their pictures, they are shares.
 const LEAST_OUT: f64 = 0.25;
 
 /// Overhangs of so many pixels are rounding.
@@ -35,7 +36,7 @@ pub fn check_values(data: &mut DataSet, defects: &mut Defects) {
 pub(super) fn check_entries(data: &mut DataSet, defects: &mut Defects) {
     check_images(data, defects);
     check_categories(data, defects);
-    check_form(data, defects);
+    check_form(data, |image| (image.width, image.height), defects);
     check_annotations(data, defects);
     leave_out_pictures_of_lost_labels(data, defects);
 }
@@ -58,15 +59,28 @@ fn leave_out_pictures_of_lost_labels(data: &mut DataSet, defects: &mut Defects) 
     });
 }
 
+/// Takes out pictures of one id with their labels, which may be of either. An entry that is there twice is one picture.
 fn check_images(data: &mut DataSet, defects: &mut Defects) {
-    let mut ids = HashSet::new();
+    let mut firsts: HashMap<u64, Image> = HashMap::with_capacity(data.images.len());
+    let mut doubtful = HashSet::new();
     data.images.retain(|image| {
-        let is_new = ids.insert(image.id);
-        if !is_new {
-            defects.add(DefectKind::RepeatedImageId, || format!("image {}: {}", image.id, image.file_name));
+        let Some(first) = firsts.get(&image.id) else {
+            firsts.insert(image.id, image.clone());
+            return true;
+        };
+        let both = || format!("image {}: {} and {}", image.id, first.file_name, image.file_name);
+        if first == image {
+            defects.add(DefectKind::RepeatedFile, both);
+        } else {
+            doubtful.insert(image.id);
+            defects.add(DefectKind::RepeatedImageId, both);
         }
-        is_new
+        false
     });
+    if !doubtful.is_empty() {
+        data.images.retain(|image| !doubtful.contains(&image.id));
+        data.annotations.retain(|annotation| !doubtful.contains(&annotation.image_id));
+    }
     let mut files = HashMap::new();
     for image in &data.images {
         if let Some(first) = files.insert(image.file_name.as_str(), image.id) {
@@ -100,43 +114,58 @@ fn check_categories(data: &mut DataSet, defects: &mut Defects) {
     }
 }
 
-/// Boxes of another form than COCO's show it all together: one alone may be small, or at the edge.
-fn check_form(data: &DataSet, defects: &mut Defects) {
+/// Boxes of another form than COCO's show it many together: one alone may be small, or at the edge. `size_of` gives the columns and rows of the pixels
+/// to which the boxes of a picture refer, px; 0 where they are not known. Shares show without them, corners do not.
+pub(super) fn check_form(data: &DataSet, size_of: impl Fn(&Image) -> (u32, u32), defects: &mut Defects) {
     let images: HashMap<u64, &Image> = data.images.iter().map(|image| (image.id, image)).collect();
-    let image_of = |annotation: &Annotation| images.get(&annotation.image_id).copied();
-    let placed = data.annotations.iter().filter_map(|a| Some((a, image_of(a)?)));
-    let placed = placed.filter(|(_, image)| image.width > 1 && image.height > 1);
-    let placed: Vec<(&Annotation, &Image)> = placed.collect();
-    if placed.len() < LEAST_BOXES {
+    // The bounds as the file has them: a clipped box does not reach out.
+    let placed = data.annotations.iter().filter_map(|annotation| {
+        let image = *images.get(&annotation.image_id)?;
+        let bounds = annotation.unclipped.map_or(annotation.bounds, |(bounds, _)| bounds);
+        let size = size_of(image);
+        // In a picture of one pixel every box looks like shares.
+        (size.0 != 1 && size.1 != 1).then_some((annotation, image, bounds, size))
+    });
+    let placed: Vec<Placed> = placed.collect();
+    let is_many = |count: usize, of: usize| count >= LEAST_BOXES && count as f64 > LEAST_OUT * of as f64;
+    let said =
+        |(a, image, bounds, _): &Placed| format!("annotation {} of {}: {bounds}", a.id, image.file_name);
+    let shares: Vec<&Placed> = placed.iter().filter(|(_, _, bounds, _)| is_share(bounds)).collect();
+    // Some programs write the first pixel for a picture without objects: numbers between 0 and 1 show shares.
+    let are_all = placed.len() >= LEAST_BOXES && shares.len() == placed.len();
+    let between = shares.iter().filter(|(_, _, bounds, _)| has_fraction(bounds)).count();
+    if are_all || is_many(between, placed.len()) {
+        shares.into_iter().for_each(|place| defects.add(DefectKind::ShareBoxes, || said(place)));
         return;
     }
-    let said = |(a, image): (&Annotation, &Image)| {
-        format!("annotation {} of {}: {}", a.id, image.file_name, a.bounds)
-    };
-    let is_share = |(annotation, _): &(&Annotation, &Image)| {
-        let b = &annotation.bounds;
-        [b.x, b.y, b.width, b.height].iter().all(|number| *number <= 1.0)
-    };
-    if placed.iter().all(is_share) {
-        placed.iter().for_each(|place| defects.add(DefectKind::ShareBoxes, || said(*place)));
+    let placed: Vec<&Placed> = placed.iter().filter(|(_, _, _, size)| size.0 > 0 && size.1 > 0).collect();
+    if data.states_form || placed.len() < LEAST_BOXES {
         return;
     }
-    if data.states_form {
-        return;
-    }
-    let could_be_corners = |(annotation, image): &(&Annotation, &Image)| {
-        let b = &annotation.bounds;
-        let ends = [f64::from(image.width) + 1.0, f64::from(image.height) + 1.0];
+    let could_be_corners = |(_, _, b, size): &Placed| {
+        let ends = [f64::from(size.0) + 1.0, f64::from(size.1) + 1.0];
         b.x < b.width && b.y < b.height && b.width <= ends[0] && b.height <= ends[1]
     };
-    let reaches_out = |(annotation, image): &&(&Annotation, &Image)| {
-        annotation.bounds.overhang(f64::from(image.width), f64::from(image.height)) > ROUNDING_PX
-    };
-    let out: Vec<_> = placed.iter().filter(reaches_out).collect();
+    let reaches_out =
+        |(_, _, bounds, size): &Placed| bounds.overhang(f64::from(size.0), f64::from(size.1)) > ROUNDING_PX;
+    let out: Vec<&Placed> = placed.iter().copied().filter(|place| reaches_out(place)).collect();
     let share = out.len() as f64 / placed.len() as f64;
-    if share > LEAST_OUT && placed.iter().all(could_be_corners) {
-        out.into_iter().for_each(|place| defects.add(DefectKind::CornerBoxes, || said(*place)));
+    if share > LEAST_OUT && placed.iter().all(|place| could_be_corners(place)) {
+        out.into_iter().for_each(|place| defects.add(DefectKind::CornerBoxes, || said(place)));
     }
+}
+
+/// An object with its picture, its bounds as the file has them, and the columns and rows of the pixels to which they refer.
+type Placed<'d> = (&'d Annotation, &'d Image, Bounds, (u32, u32));
+
+/// Whether no number of a box is larger than 1.
+fn is_share(bounds: &Bounds) -> bool {
+    <[f64; 4]>::from(*bounds).iter().all(|number| *number <= 1.0)
+}
+
+/// Whether a box with an area has a number between 0 and 1.
+fn has_fraction(bounds: &Bounds) -> bool {
+    bounds.width > 0.0 && bounds.height > 0.0 && <[f64; 4]>::from(*bounds).iter().any(|n| n.fract() != 0.0)
 }
 
 fn check_annotations(data: &mut DataSet, defects: &mut Defects) {

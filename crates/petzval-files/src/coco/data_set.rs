@@ -46,14 +46,15 @@ pub struct Image {
 }
 
 /// A class.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Category {
     /// Its number in the data set.
     pub id: u64,
+    /// Its id in the file, where ids of classes are texts there.
+    pub text_id: Option<String>,
     /// Its name.
     pub name: String,
     /// The class above it; empty if there is none.
-    #[serde(skip_serializing_if = "String::is_empty")]
     pub supercategory: String,
 }
 

@@ -65,20 +65,22 @@ kinds! {
         "check that boxes are in pixels of this picture, not of one of another size";
     CornerBoxes Error "Many boxes reach out of their pictures as they stand, and none would as two corners."
         "COCO boxes are [x, y, width, height]: subtract the first number from the third and the second from the fourth; if they are so already, state it: \"bbox_mode\": 1 in each annotation";
-    ShareBoxes Error "No number of any box is larger than 1: these are shares of the picture."
+    ShareBoxes Error "Many boxes have no number larger than 1: these are shares of the picture."
         "COCO boxes are in pixels: multiply by width and height of the picture; YOLO label files have shares, see `data convert yolo`";
     UnknownImage Error "An annotation names a picture that is not listed; it is left out."
         "add the picture to `images`";
     UnknownCategory Error "An annotation names a class that is not listed; it is left out."
         "add the class to `categories`";
-    RepeatedImageId Error "Two pictures have one id; the second is left out."
+    RepeatedImageId Error "Two pictures have one id; both are left out with their labels, which may be of either."
         "give every picture its own id";
     RepeatedCategoryId Error "Two classes have one id; the second is left out."
         "give every class its own id";
     MissingPicture Error "The file of a picture does not exist; picture and boxes are left out."
         "put the pictures where the format has them: for COCO beside the annotations or into `images` there, for KITTI into `image_2`, for Pascal VOC into `JPEGImages`";
-    SeveralPictures Error "Labels name a picture of which there are several in other folders, and nothing says which is meant; they are left out."
+    SeveralPictures Error "Labels name a picture of which there are several, and nothing says which is meant; they are left out."
         "lay labels and pictures of each part into folders of one name, such as `train`; or give every picture its own name";
+    SeveralTimes Error "Labels of several times are of one picture; the picture is left out with them."
+        "keep the labels of the time of the picture, or give every frame the name of its own picture";
     UnreadablePicture Error "The file of a picture cannot be decoded; picture and boxes are left out."
         "replace it by an undamaged PNG, JPEG, TIFF or OpenEXR file";
     OtherPictureSize Error "A picture has another size than stated, so that its boxes are of other pixels; both are left out."
@@ -129,6 +131,14 @@ kinds! {
         "fine if another file has their boxes; else they are no background and are left out";
     PictureWithoutLabels Warning "A picture has no labels; it is left out."
         "fine for masks; to keep it as background, give it labels that list no object";
+    PartWithoutPictures Warning "The file of class names lists a part that has no pictures here."
+        "correct the path, which counts from the folder of the data set; pictures of no named part have that of their folder, if it is called `train`, `val` or `test`";
+    ListedWithoutPicture Warning "A list of a part names a picture that is not there."
+        "correct the list, or add the picture";
+    PictureInTwoParts Warning "Lists name a picture in two parts of the data set; it is held out."
+        "keep it in one list: a picture that is learned from must not be judged on";
+    SmallPicture Warning "A photograph is smaller than 126 pixels, the training window of the main job; built-in experiments on photographs leave it out."
+        "give larger originals, or set a smaller `training.crop` and `scoring.crop`";
     SamePicture Warning "Two picture files have the same content."
         "keep one, or a picture may be both learned from and judged on";
     RepeatedBox Warning "Two annotations of a picture have the same class and the same box."

@@ -43,7 +43,8 @@ impl Loaded {
         picture_in(&self.folders, file_name)
     }
 
-    /// Refuses boxes that are all of another form than COCO's: what is learned from them or scored by them would be wrong.
+    /// Refuses boxes of another form than COCO's: what is learned from them or scored by them would be wrong. Corners in pictures whose size the
+    /// file does not state show when [`check_pictures`](super::check_pictures) has read it.
     pub fn check_form(&self) -> Result<(), CocoError> {
         let is_form = |kind| matches!(kind, DefectKind::CornerBoxes | DefectKind::ShareBoxes);
         let Some(defect) = self.defects.iter().find(|defect| is_form(defect.kind)) else { return Ok(()) };

@@ -1,4 +1,4 @@
-//! Ids of the pictures or objects of a file: whole numbers, or texts that stand for numbers.
+//! Ids of the pictures, classes or objects of a file: whole numbers, or texts that stand for numbers.
 
 use std::collections::HashMap;
 
@@ -9,7 +9,7 @@ use super::numbers::NO_NUMBER;
 pub(super) enum Ids {
     /// They are numbers.
     Numbers,
-    /// They are texts; each gets the place of its first record, counted from 1.
+    /// They are texts; each gets the number that it writes, or, unless all write one, the place of its first record, counted from 1.
     Texts(HashMap<String, u64>),
 }
 
@@ -24,7 +24,15 @@ impl Ids {
                 _ => {}
             }
         }
-        if numbers.is_empty() { Self::Numbers } else { Self::Texts(numbers) }
+        if numbers.is_empty() {
+            return Self::Numbers;
+        }
+        // Texts that are all written numbers stand for these: weights know classes by their numbers.
+        let written = |text: &String| text.parse().ok().filter(|n: &u64| n.to_string() == *text);
+        if numbers.keys().all(|text| written(text).is_some()) {
+            numbers.iter_mut().for_each(|(text, number)| *number = written(text).unwrap_or(*number));
+        }
+        Self::Texts(numbers)
     }
 
     /// The number of an id. A text that no record has as its id is [`Wrong::Unlisted`].
@@ -80,6 +88,8 @@ mod tests {
         assert_eq!(ids.text(&Loose::Text("b".into())).as_deref(), Some("b"));
         let named = Ids::of(&read(r#"["7", "08"]"#));
         assert_eq!([7, 8].map(|id| named.meant(&Loose::Whole(id))), [Some(1), None]);
+        let written = Ids::of(&read(r#"["7", "13"]"#));
+        assert_eq!(written.number(&Loose::Text("13".into())), Ok(13));
         for mixed in [r#"["a", 7]"#, r#"["7", 7.0]"#, "[7]", "[]"] {
             let ids = Ids::of(&read(mixed));
             assert_eq!(ids.number(&Loose::Whole(7)), Ok(7));

@@ -51,6 +51,7 @@ impl Wrong {
             Self::Absent => DefectKind::MissingField,
             Self::Type(_) => DefectKind::WrongType,
             Self::NotFinite(_) => DefectKind::NotFinite,
+            Self::Unlisted(_) if key == "category_id" => DefectKind::UnknownCategory,
             Self::Unlisted(_) => DefectKind::UnknownImage,
         };
         let what = match self {

@@ -7,7 +7,8 @@ use super::data_set::{Category, DataSet};
 /// One data set of parts and their names. Classes of one name become one, with the number that the first part with it gives it, if that is free.
 /// Pictures and objects are numbered anew. A picture that names no part is of that of its file.
 pub(super) fn joined(parts: Vec<(String, DataSet)>) -> DataSet {
-    let mut whole = DataSet::default();
+    let states_form = parts.iter().all(|(_, data)| data.states_form);
+    let mut whole = DataSet { states_form, ..DataSet::default() };
     let mut numbers: HashMap<String, u64> = HashMap::new();
     let mut taken = HashSet::new();
     for (part, data) in parts {
@@ -17,7 +18,7 @@ pub(super) fn joined(parts: Vec<(String, DataSet)>) -> DataSet {
                 let id =
                     (std::iter::once(category.id).chain(1..)).find(|id| !taken.contains(id)).unwrap_or(0);
                 taken.insert(id);
-                whole.categories.push(Category { id, ..category.clone() });
+                whole.categories.push(Category { id, text_id: None, ..category.clone() });
                 id
             });
             category_ids.insert(category.id, id);
@@ -26,7 +27,7 @@ pub(super) fn joined(parts: Vec<(String, DataSet)>) -> DataSet {
         for mut image in data.images {
             let id = whole.images.len() as u64 + 1;
             image_ids.insert(image.id, id);
-            // A text may be the id of two pictures in two files.
+            // A text may be the id of two pictures in two files, and so of two classes.
             (image.id, image.text_id) = (id, None);
             image.split.get_or_insert_with(|| part.clone());
             whole.images.push(image);

@@ -8,11 +8,12 @@ use petzval_base::{Cancel, Cancelled};
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
-use super::check::{check_entries, count_boxes};
+use super::check::{check_entries, check_form, count_boxes};
 use super::data_set::Image;
 use super::defect::{DefectKind, Defects};
 use super::folder::Loaded;
 use super::turned::{BoxesOf, boxes_of, turned};
+use crate::picture_file::PictureHead;
 use crate::picture_set::{CheckedPictures, StoredPicture, checked_heads, digests_of_alike};
 
 /// What a second check of the values finds once sizes are known.
@@ -91,9 +92,14 @@ pub fn check_pictures_by(
                         Some((DefectKind::UnknownTurn, format!("{size}, orientation {exif}")))
                     }
                     BoxesOf::Other => {
-                        let (width, height) = head.upright();
+                        let ((width, height), of) = match says_turned {
+                            Some(false) if head.is_turned() => {
+                                (head.stored, " as stored (`turned` is false)")
+                            }
+                            _ => (head.upright(), ""),
+                        };
                         let text =
-                            format!("{name}: {width} x {height} px, stated {} x {}", stated.0, stated.1);
+                            format!("{name}: {width} x {height} px{of}, stated {} x {}", stated.0, stated.1);
                         Some((DefectKind::OtherPictureSize, text))
                     }
                 }
@@ -109,6 +115,15 @@ pub fn check_pictures_by(
     loaded.data.images = images;
     note_copies(loaded, how.remembered);
     loaded.data.annotations.retain(|annotation| !unusable.contains(&annotation.image_id));
+    // Sizes that the file does not state show corners. What the first check found is found again.
+    if is_clipping_due && loaded.check_form().is_ok() {
+        let mut form = Defects::default();
+        let labelled_size = |image: &Image| {
+            turning.get(&image.id).map_or((image.width, image.height), |head: &PictureHead| head.stored)
+        };
+        check_form(&loaded.data, labelled_size, &mut form);
+        loaded.defects.add_kinds(form, &[DefectKind::CornerBoxes, DefectKind::ShareBoxes]);
+    }
     for annotation in &mut loaded.data.annotations {
         if let Some(head) = turning.get(&annotation.image_id) {
             annotation.bounds = turned(annotation.bounds, head);

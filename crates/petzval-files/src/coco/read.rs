@@ -173,7 +173,7 @@ impl<'de> Deserialize<'de> for Attributes {
 }
 
 /// Reads annotations in COCO format. Records that lack a value or hold one of a wrong type are defects and left out; ids and boxes are
-/// as written, see [`check_values`](super::check_values). Ids of pictures or annotations that are all texts become numbers. Text that is not
+/// as written, see [`check_values`](super::check_values). Ids of pictures, classes or annotations that are all texts become numbers. Text that is not
 /// JSON, or not of this format, is an error.
 pub fn parse_coco(bytes: Vec<u8>, defects: &mut Defects) -> Result<DataSet, FileError> {
     let bytes = plain_json(bytes);
@@ -201,6 +201,7 @@ pub fn parse_coco(bytes: Vec<u8>, defects: &mut Defects) -> Result<DataSet, File
     let states_form = !file.annotations.is_empty() && file.annotations.iter().all(states_form);
     let mut data = DataSet { info, licenses, states_form, ..DataSet::default() };
     let image_ids = Ids::of(file.images.iter().filter_map(Record::table).map(|record| &record.id));
+    let category_ids = Ids::of(file.categories.iter().filter_map(Record::table).map(|record| &record.id));
     let annotation_ids = Ids::of(file.annotations.iter().filter_map(Record::table).map(|record| &record.id));
     for (i, record) in file.images.into_iter().enumerate() {
         let found = with(record, |record| image(record, &image_ids));
@@ -208,18 +209,22 @@ pub fn parse_coco(bytes: Vec<u8>, defects: &mut Defects) -> Result<DataSet, File
     }
     let sizes: HashMap<u64, [u32; 2]> =
         data.images.iter().map(|image| (image.id, [image.height, image.width])).collect();
-    let pictures = Pictures { ids: image_ids, sizes };
+    let lists = Lists { pictures: image_ids, sizes, categories: category_ids, annotations: annotation_ids };
     for (i, record) in file.categories.into_iter().enumerate() {
-        data.categories.extend(usable(with(record, category), || format!("categories[{i}]"), defects));
+        data.categories.extend(usable(
+            with(record, |record| category(record, &lists.categories)),
+            || format!("categories[{i}]"),
+            defects,
+        ));
     }
     for (i, record) in file.annotations.into_iter().enumerate() {
         let place = || format!("annotations[{i}]");
         let mut warn = |kind, what| defects.add(kind, || format!("{}: {what}", place()));
         let image_id = record.table().and_then(|record| {
-            let ids = &pictures.ids;
+            let ids = &lists.pictures;
             ids.number(&record.image_id).ok().or_else(|| ids.meant(&record.image_id))
         });
-        let found = with(record, |record| annotation(record, i, &annotation_ids, &pictures, &mut warn));
+        let found = with(record, |record| annotation(record, i, &lists, &mut warn));
         let found = usable(found, place, defects);
         match (found, image_id) {
             (Some(annotation), _) => data.annotations.push(annotation),
@@ -289,7 +294,7 @@ fn image(record: ImageRecord, ids: &Ids) -> Result<Image, (&'static str, Wrong)>
     Ok(Image {
         id: ids.number(&record.id).map_err(|wrong| ("id", wrong))?,
         text_id: ids.text(&record.id),
-        file_name: record.file_name.text().map_err(|wrong| ("file_name", wrong))?.to_owned(),
+        file_name: file_name(&record.file_name).map_err(|wrong| ("file_name", wrong))?,
         width: side(&record.width, "width")?,
         height: side(&record.height, "height")?,
         sequence: sequence.or(video),
@@ -301,33 +306,42 @@ fn image(record: ImageRecord, ids: &Ids) -> Result<Image, (&'static str, Wrong)>
     })
 }
 
-fn category(record: CategoryRecord) -> Result<Category, (&'static str, Wrong)> {
+/// The name of a picture, which is not empty.
+fn file_name(value: &Loose) -> Result<String, Wrong> {
+    let text = value.text()?;
+    if text.trim().is_empty() { Err(Wrong::Type(value.to_string())) } else { Ok(text.to_owned()) }
+}
+
+fn category(record: CategoryRecord, ids: &Ids) -> Result<Category, (&'static str, Wrong)> {
     Ok(Category {
-        id: record.id.whole().map_err(|wrong| ("id", wrong))?,
+        id: ids.number(&record.id).map_err(|wrong| ("id", wrong))?,
+        text_id: ids.text(&record.id),
         name: record.name.text().map_err(|wrong| ("name", wrong))?.to_owned(),
         supercategory: record.supercategory.text().unwrap_or("").to_owned(),
     })
 }
 
-/// What annotations have to know of pictures.
-struct Pictures {
-    ids: Ids,
-    /// Rows and columns by number, px; 0 where the file states none.
+/// What annotations have to know of the lists of their file.
+struct Lists {
+    /// Ids of pictures.
+    pictures: Ids,
+    /// Rows and columns of pictures by number, px; 0 where the file states none.
     sizes: HashMap<u64, [u32; 2]>,
+    categories: Ids,
+    annotations: Ids,
 }
 
 fn annotation(
     record: AnnotationRecord,
     place: usize,
-    ids: &Ids,
-    pictures: &Pictures,
+    lists: &Lists,
     warn: &mut impl FnMut(DefectKind, String),
 ) -> Result<Annotation, (&'static str, Wrong)> {
     // Detectron2 counts its kinds of boxes: 1 is the one of COCO.
     if !matches!(record.bbox_mode, Loose::Absent | Loose::Whole(1)) {
         return Err(("bbox_mode", Wrong::Type(record.bbox_mode.to_string())));
     }
-    let image_id = pictures.ids.number(&record.image_id).map_err(|wrong| ("image_id", wrong))?;
+    let image_id = lists.pictures.number(&record.image_id).map_err(|wrong| ("image_id", wrong))?;
     let mut bounds = match record.segmentation {
         Outline::Polygons(bounds) if record.is_outline_alone() => {
             warn(DefectKind::OutlineBox, bounds.to_string());
@@ -335,7 +349,7 @@ fn annotation(
         }
         Outline::Mask(mask) if record.is_outline_alone() => {
             // A mask of another size is of other pixels.
-            let stated = pictures.sizes.get(&image_id).filter(|size| !size.contains(&0));
+            let stated = lists.sizes.get(&image_id).filter(|size| !size.contains(&0));
             if stated.is_some_and(|stated| *stated != mask.size) {
                 let [rows, columns] = mask.size;
                 return Err(("segmentation", Wrong::Type(format!("a mask of {columns} x {rows} px"))));
@@ -351,7 +365,7 @@ fn annotation(
     let id = match record.id {
         // An annotation without id is usual in files made by hand; its place is one.
         Loose::Absent => place as u64 + 1,
-        id => ids.number(&id).map_err(|wrong| ("id", wrong))?,
+        id => lists.annotations.number(&id).map_err(|wrong| ("id", wrong))?,
     };
     let mut attributes = BTreeMap::new();
     for (name, value) in record.attributes.0.into_iter().chain([("state".to_owned(), record.state)]) {
@@ -383,7 +397,7 @@ fn annotation(
     Ok(Annotation {
         id,
         image_id,
-        category_id: record.category_id.whole().map_err(|wrong| ("category_id", wrong))?,
+        category_id: lists.categories.number(&record.category_id).map_err(|wrong| ("category_id", wrong))?,
         bounds,
         // An area that is no number is that of the box, which the check of values notes.
         area: record.area.number().unwrap_or(f64::NAN),

@@ -6,9 +6,9 @@ use petzval_base::{IoError, write_whole};
 use serde::Serialize;
 
 use super::bounds::Bounds;
-use super::data_set::Image;
+use super::data_set::DataSet;
 use super::error::CocoError;
-use super::write::{ImageId, TextIds, append_records};
+use super::write::{SpelledId, TextIds, append_records};
 
 /// An object that a detector reports.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,18 +26,18 @@ pub struct Detection {
 /// A detection as its file spells it.
 #[derive(Serialize)]
 struct DetectionRecord<'a> {
-    image_id: ImageId<'a>,
-    category_id: u64,
+    image_id: SpelledId<'a>,
+    category_id: SpelledId<'a>,
     bbox: Bounds,
     score: f64,
 }
 
-/// The bytes of a file of detections in these pictures, one in a line.
-pub fn results_bytes(detections: &[Detection], images: &[Image]) -> Vec<u8> {
-    let ids = TextIds::of(images);
+/// The bytes of a file of detections in the pictures and of the classes of a data set, one in a line.
+pub fn results_bytes(detections: &[Detection], data: &DataSet) -> Vec<u8> {
+    let ids = TextIds::of(&data.images, &data.categories);
     let record = |found: &Detection| DetectionRecord {
-        image_id: ids.id(found.image_id),
-        category_id: found.category_id,
+        image_id: ids.image(found.image_id),
+        category_id: ids.category(found.category_id),
         bbox: found.bounds,
         score: found.score,
     };
@@ -47,7 +47,7 @@ pub fn results_bytes(detections: &[Detection], images: &[Image]) -> Vec<u8> {
     out
 }
 
-/// Writes a file of detections in these pictures, completely or not at all.
-pub fn save_results(detections: &[Detection], images: &[Image], path: &Path) -> Result<(), CocoError> {
-    Ok(write_whole(path, &results_bytes(detections, images)).map_err(IoError::at(path))?)
+/// Writes a file of detections in the pictures of a data set, completely or not at all.
+pub fn save_results(detections: &[Detection], data: &DataSet, path: &Path) -> Result<(), CocoError> {
+    Ok(write_whole(path, &results_bytes(detections, data)).map_err(IoError::at(path))?)
 }

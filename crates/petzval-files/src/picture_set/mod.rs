@@ -25,7 +25,7 @@ const SHARD: &str = "tar";
 ///
 /// | place | pictures | names |
 /// |---|---|---|
-/// | a folder | its `.png`, `.jpg`, `.jpeg`, `.tif` and `.tiff` files, without subfolders | file names |
+/// | a folder | its `.png`, `.jpg`, `.jpeg`, `.tif` and `.tiff` files, without subfolders; broken links, too, which cannot be read | file names |
 /// | a folder without pictures and with `.tar` files | those of all its shards | `SHARD.tar/NAME` |
 /// | a `.tar` file | its pictures, see [`StoredPicture`] | paths in it |
 /// | another file | one path a line, from the folder of the list; empty lines and those that begin with `#` do not count | the paths as written |
@@ -74,10 +74,10 @@ fn files_with(folder: &Path, endings: &[&str]) -> Result<Vec<PathBuf>, PictureSe
     Ok(paths)
 }
 
-/// Whether an entry of a folder is a file, or a link to one.
+/// Whether an entry of a folder is a file, or a link to one. A link that cannot be followed is one that cannot be read.
 fn is_file(entry: &std::fs::DirEntry) -> bool {
     match entry.file_type() {
-        Ok(kind) if kind.is_symlink() => entry.path().is_file(),
+        Ok(kind) if kind.is_symlink() => entry.path().metadata().map_or(true, |about| about.is_file()),
         Ok(kind) => kind.is_file(),
         Err(_) => false,
     }

@@ -118,3 +118,19 @@ fn what_is_no_set_of_pictures_is_refused_with_its_place() {
     let cut = refused("cut.tar", &bytes[..1024 + 512 + 300]);
     assert!(cut.contains("cut.tar") && (cut.contains("cut off") || cut.contains("cannot be read")), "{cut}");
 }
+
+#[cfg(unix)]
+#[test]
+fn broken_links_are_pictures_that_cannot_be_read() {
+    let root = TempDir::new().unwrap();
+    fs::write(root.path().join("a.png"), png(4, 6, 0.2)).unwrap();
+    std::os::unix::fs::symlink(root.path().join("a.png"), root.path().join("b.png")).unwrap();
+    std::os::unix::fs::symlink(root.path().join("gone.png"), root.path().join("c.png")).unwrap();
+    fs::create_dir(root.path().join("inner")).unwrap();
+    std::os::unix::fs::symlink(root.path().join("inner"), root.path().join("d.png")).unwrap();
+    assert_eq!(names(root.path()), ["a.png", "b.png", "c.png"]);
+    let pictures = stored_pictures(root.path()).unwrap();
+    let sizes = check_stored(&pictures, &CheckedPictures::default(), &|_| Ok(())).unwrap();
+    assert!(sizes[..2].iter().all(|size| *size == Ok((6, 4))), "{sizes:?}");
+    assert!(sizes[2].as_ref().is_err_and(|error| error.contains("c.png")), "{sizes:?}");
+}

@@ -116,19 +116,42 @@ fn ids_that_are_texts_are_names_that_must_agree() {
         bounds: Bounds::from([1.0, 2.0, 3.0, 4.0]),
         score: 0.5,
     }];
-    let line = String::from_utf8(results_bytes(&found, &data.images)).unwrap();
+    let line = String::from_utf8(results_bytes(&found, &data)).unwrap();
     assert!(line.contains(r#""image_id":"img_b""#), "{line}");
     let written: serde_json::Value = serde_json::from_str(&line).unwrap();
     assert_eq!(written.as_array().unwrap().len(), 1);
     assert_eq!((&written[0]["category_id"], &written[0]["score"]), (&1.into(), &0.5.into()));
     assert_eq!(written[0]["bbox"], serde_json::json!([1.0, 2.0, 3.0, 4.0]));
 
+    // Ids of classes are read and written alike.
+    let classes = NAMED.replace(
+        r#""categories": [{"id": 1,"#,
+        r#""categories": [{"id": "k7", "name": "bus"}, {"id": "k1","#,
+    );
+    let classes = classes.replace(r#""category_id": 1"#, r#""category_id": "k1""#);
+    let (data, defects) = read(&classes);
+    assert_eq!((defects.errors(), data.annotations.len()), (0, 2), "{defects:?}");
+    assert_eq!(data.category(data.annotations[0].category_id).unwrap().name, "car");
+    assert_eq!(parse_coco(coco_bytes(&data), &mut Defects::default()).unwrap(), data);
+    let found = [Detection { category_id: data.annotations[0].category_id, ..found[0] }];
+    let line = String::from_utf8(results_bytes(&found, &data)).unwrap();
+    assert!(line.contains(r#""category_id":"k1""#), "{line}");
+    let (data, defects) = read(&classes.replacen(r#""category_id": "k1""#, r#""category_id": "k2""#, 1));
+    assert_eq!((data.annotations.len(), defects.count(DefectKind::UnknownCategory)), (1, 1));
+
     for (from, to, kind, images, objects) in [
         // A name that no picture has, a number among names, a name among numbers, and a name that two have.
         (r#""image_id": "img_b""#, r#""image_id": "img_c""#, DefectKind::UnknownImage, 2, 1),
         (r#""image_id": "img_b""#, r#""image_id": 2"#, DefectKind::WrongType, 2, 1),
         (r#""id": "img_b""#, r#""id": 2"#, DefectKind::WrongType, 1, 0),
-        (r#""id": "img_b""#, r#""id": "000000001""#, DefectKind::RepeatedImageId, 1, 1),
+        (r#""id": "img_b""#, r#""id": "000000001""#, DefectKind::RepeatedImageId, 0, 0),
+        (
+            r#""id": "img_b", "file_name": "b.png""#,
+            r#""id": "000000001", "file_name": "a.png""#,
+            DefectKind::RepeatedFile,
+            1,
+            1,
+        ),
         (r#""id": "img_b""#, r#""id": """#, DefectKind::WrongType, 1, 1),
         (r#""id": "y""#, r#""id": 7"#, DefectKind::WrongType, 1, 1),
         (r#""id": "y""#, r#""id": "x""#, DefectKind::RepeatedAnnotationId, 2, 2),

@@ -79,6 +79,32 @@ fn boxes_in_another_form_are_known_by_all_of_them() {
     assert_eq!(with_boxes(&few).count(DefectKind::CornerBoxes), 1);
     let shares = with_boxes(&[[0.5, 0.5, 0.2, 0.1], [0.1, 0.2, 0.3, 1.0], [0.0, 0.1, 0.4, 0.2]]);
     assert_eq!(shares.count(DefectKind::ShareBoxes), 3);
+    // One box in pixels among them does not hide them. Placeholders in the first pixel among boxes in pixels are no shares.
+    let mixed =
+        with_boxes(&[[0.5, 0.5, 0.2, 0.1], [0.1, 0.2, 0.3, 1.0], [0.0, 0.1, 0.4, 0.2], [9.0, 8.0, 7.0, 6.0]]);
+    assert_eq!(mixed.count(DefectKind::ShareBoxes), 3);
+    let empty =
+        with_boxes(&[[0.0, 0.0, 1.0, 1.0], [0.0, 0.0, 1.0, 1.0], [0.0, 0.0, 1.0, 1.0], [9.0, 8.0, 7.0, 6.0]]);
+    assert_eq!(empty.count(DefectKind::ShareBoxes), 0);
+    // Without a stated size shares show as they are, and corners once the picture is read.
+    let folder = tempfile::tempdir().unwrap();
+    write_png(&folder.path().join("a.png"), 40, 30);
+    let unsized_file = |boxes: &[[f64; 4]], keys: &str| {
+        let text = text_with_boxes(boxes).replace("\"width\": 40, \"height\": 30", keys);
+        std::fs::write(folder.path().join("annotations.json"), text).unwrap();
+        let mut loaded = load_coco(folder.path(), &Cancel::default()).unwrap();
+        let before = loaded.check_form().is_ok();
+        check_pictures(&mut loaded, &|_| Ok(())).unwrap();
+        let kinds = [DefectKind::CornerBoxes, DefectKind::ShareBoxes];
+        (before, loaded.check_form().is_ok(), kinds.map(|kind| loaded.defects.count(kind)))
+    };
+    let fractions = [[0.5, 0.5, 0.2, 0.1], [0.1, 0.2, 0.3, 1.0], [0.0, 0.1, 0.4, 0.2]];
+    for keys in ["\"width\": 0, \"height\": 0", "\"turned\": false", "\"license\": 1"] {
+        assert_eq!(unsized_file(&corners, keys), (true, false, [3, 0]), "{keys}");
+        assert_eq!(unsized_file(&fractions, keys), (false, false, [0, 3]), "{keys}");
+        let right = corners.map(|[x1, y1, x2, y2]| [x1, y1, x2 - x1, y2 - y1]);
+        assert_eq!(unsized_file(&right, keys), (true, true, [0, 0]), "{keys}");
+    }
     // The same boxes as they should be; and objects at the edge, of which most reach out.
     let right = with_boxes(&corners.map(|[x1, y1, x2, y2]| [x1, y1, x2 - x1, y2 - y1]));
     let at_edge = with_boxes(&[[30.0, 20.0, 15.0, 15.0], [28.0, 4.0, 20.0, 9.0], [-5.0, 2.0, 12.0, 9.0]]);
@@ -202,8 +228,8 @@ fn every_defect_of_a_value_is_found_and_named() {
         (
             with("\"id\": 2, \"file_name\"", "\"id\": 1, \"file_name\""),
             DefectKind::RepeatedImageId,
-            1,
-            "image 1: b.png",
+            0,
+            "image 1: a.png and b.png",
         ),
         (with("b.png", "a.png"), DefectKind::RepeatedFile, 2, "images 1 and 2: a.png"),
         (
@@ -212,6 +238,7 @@ fn every_defect_of_a_value_is_found_and_named() {
             1,
             "images[0]: file_name is missing",
         ),
+        (with("\"a.png\"", "\" \""), DefectKind::WrongType, 1, "images[0]: file_name is \" \""),
         (with("\"width\": 40", "\"width\": \"40\""), DefectKind::WrongType, 1, "images[0]: width is \"40\""),
         (with("\"width\": 40", "\"width\": 1e30"), DefectKind::WrongType, 1, "images[0]: width is 1"),
         (with("\"name\": \"light\"", "\"name\": \"\""), DefectKind::RepeatedClassName, 2, "category 1"),
@@ -615,7 +642,7 @@ fn detections_are_written() {
     ];
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("found.json");
-    save_results(&detections, &data.images, &path).unwrap();
+    save_results(&detections, &data, &path).unwrap();
     let written: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
     assert_eq!(written.as_array().unwrap().len(), detections.len());
     for (record, found) in written.as_array().unwrap().iter().zip(&detections) {
@@ -624,7 +651,7 @@ fn detections_are_written() {
         assert_eq!(record["bbox"], serde_json::json!(<[f64; 4]>::from(found.bounds)));
         assert_eq!(record["score"], found.score);
     }
-    let line = String::from_utf8(results_bytes(&detections[..1], &data.images)).unwrap();
+    let line = String::from_utf8(results_bytes(&detections[..1], &data)).unwrap();
     assert_eq!(line, "[\n{\"image_id\":1,\"category_id\":1,\"bbox\":[1.0,2.5,3.0,4.0],\"score\":0.75}]\n");
 }
 

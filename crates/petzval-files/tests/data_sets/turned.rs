@@ -188,3 +188,23 @@ fn write_turned_object(path: &Path, exif: u8) {
     encoder.write_image(&picture, 40, 30, image::ExtendedColorType::Rgb8).unwrap();
     std::fs::write(path, bytes).unwrap();
 }
+
+#[test]
+fn the_size_that_does_not_fit_is_that_of_the_stored_pixels_where_boxes_are_of_these() {
+    let folder = tempfile::tempdir().unwrap();
+    write_turned_png(&folder.path().join("a.png"), 40, 30, 6);
+    for (turned, size) in [
+        (true, "30 x 40 px, stated 41 x 30"),
+        (false, "40 x 30 px as stored (`turned` is false), stated 41 x 30"),
+    ] {
+        let text = format!(
+            r#"{{"images": [{{"id": 1, "file_name": "a.png", "width": 41, "height": 30, "turned": {turned}}}], "categories": [],
+                "annotations": []}}"#
+        );
+        write(folder.path(), "annotations.json", &text);
+        let mut loaded = load_coco(folder.path(), &Cancel::default()).unwrap();
+        check_pictures(&mut loaded, &|_| Ok(())).unwrap();
+        let other = loaded.defects.iter().find(|d| d.kind == DefectKind::OtherPictureSize).unwrap();
+        assert_eq!(other.first, [format!("a.png: {size}")]);
+    }
+}

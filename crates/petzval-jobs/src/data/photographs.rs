@@ -11,6 +11,9 @@ use petzval_learn::dataset::DatasetError;
 use crate::context::Context;
 use crate::error::Result;
 
+/// Least shorter side of a photograph, px, that holds a training window of the main job with its margins.
+const LEAST_SIDE_PX: u32 = 126;
+
 /// The photographs of a place: none where it has annotations, or no pictures either.
 pub(super) fn photographs_of(place: &Path) -> Result<Option<Vec<StoredPicture>>> {
     let is_list = place.extension().is_some_and(|ending| {
@@ -27,7 +30,7 @@ pub(super) fn photographs_of(place: &Path) -> Result<Option<Vec<StoredPicture>>>
     }
 }
 
-/// Decodes all photographs, and notes those that cannot be decoded, and files of one content.
+/// Decodes all photographs, and notes those that cannot be decoded, those that are too small, and files of one content.
 pub(super) fn checked(
     place: &Path,
     pictures: &[StoredPicture],
@@ -51,6 +54,11 @@ pub(super) fn checked(
                 continue;
             }
         };
+        let side = width.min(height);
+        if side < LEAST_SIDE_PX {
+            let said = || format!("{}: {width} x {height} px", picture.name);
+            defects.add_measured(DefectKind::SmallPicture, -f64::from(side), said);
+        }
         if let Some(digest) = digest {
             match first.get(&digest) {
                 Some(original) => {

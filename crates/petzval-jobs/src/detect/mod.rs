@@ -183,7 +183,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         let seen: HashSet<u64> = data.images.iter().map(|image| image.id).collect();
         data.annotations.retain(|object| seen.contains(&object.image_id));
         let files = ["detections.json", ANNOTATIONS].map(|name| out.join(name));
-        save_results(&results, &data.images, &files[0])?;
+        save_results(&results, &data, &files[0])?;
         save_coco(&data, &files[1])?;
         context.wrote(&files[0], "detections");
         context.wrote(&files[1], "annotations");
@@ -274,6 +274,7 @@ fn labelled(place: &Path, out: Option<&Path>, context: &Context) -> Result<(Vec<
         return Err(JobError::input(message, "name another folder for --out"));
     }
     check_pictures_in(&mut loaded, &CheckedPictures::default(), context)?;
+    loaded.check_form()?;
     for line in loaded.defects.lines(place) {
         context.warning(WarningKind::DataSet, line);
     }
@@ -362,7 +363,9 @@ fn in_classes_of(finder: &Finder, data: DataSet, context: &Context) -> Result<Da
         Err(JobError::input(format!("no box of {} is in this data set", listed(&finder.classes)), hint))
     };
     let Some(classes) = &finder.taken else {
-        let is_known = |category: &Category| (1..=finder.classes.len() as u64).contains(&category.id);
+        // An id that is a word has no number of the weights.
+        let is_number = |c: &Category| c.text_id.as_deref().is_none_or(|text| text.parse() == Ok(c.id));
+        let is_known = |c: &Category| (1..=finder.classes.len() as u64).contains(&c.id) && is_number(c);
         let (known, unknown): (Vec<Category>, Vec<Category>) =
             data.categories.into_iter().partition(is_known);
         if !unknown.is_empty() {

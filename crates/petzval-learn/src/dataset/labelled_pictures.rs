@@ -80,8 +80,8 @@ impl LabelledPictures {
     /// or shares of the picture. Fails where nothing is left to train on or to score with: no picture that holds a window of `crop` pixels, or no
     /// object of a wanted class whose longer side has `least_side_px` pixels.
     ///
-    /// The parts of the data set (`split`) decide what is held out: everything outside the part `train`, or outside the largest one if none is
-    /// called so. Without two parts every fifth sequence is, by name, or the last where there are fewer; a picture that names no sequence is one by
+    /// The parts of the data set (`split`) decide what is held out: everything outside the parts whose names begin with `train`, or outside the
+    /// largest one if none does; a part for tests never trains. A note says which parts are which. Without two parts every fifth sequence is, by name, or the last where there are fewer; a picture that names no sequence is one by
     /// itself. For [`Purpose::ValidatedTraining`] every
     /// fifth sequence is for validation, or the last of those for training where there are fewer; if not, they are for training.
     ///
@@ -102,21 +102,32 @@ impl LabelledPictures {
         loaded.check_form()?;
         let how = PictureCheck { most_light_bytes: READ_AT_ONCE, remembered: &CheckedPictures::default() };
         let are_decoded = check_pictures_by(&mut loaded, &how, &|_| cancel.check())?;
+        loaded.check_form()?;
         let mut notes = Vec::new();
         let data = &loaded.data;
         let objects = data.objects_of_images();
         let sequences = sequences(&data.images);
-        let training_part = training_part(&data.images);
+        let training = training_parts(&data.images);
+        let misfit = |problem: String| DatasetError::Labels { path: folder.to_path_buf(), problem };
+        let is_test = |image: &Image| {
+            image.split.as_deref().is_some_and(|part| part.trim().to_lowercase().starts_with("test"))
+        };
+        if trains && training.is_empty() && !data.images.is_empty() && data.images.iter().all(is_test) {
+            return Err(misfit("all pictures are of a part for tests, and none is for training".to_owned()));
+        }
         if trains && data.images.iter().all(|image| image.sequence.is_none()) {
             let said = "no picture names its sequence; if pictures for training and for scoring come from one film, scores are better than \
                  they would be on another";
             notes.push(said.to_owned());
         }
         let unnamed = data.images.iter().filter(|image| image.split.is_none()).count();
-        if let Some(part) = training_part.filter(|_| trains && unnamed > 0) {
-            notes.push(format!(
-                "{unnamed} pictures name no part, and are held out as everything outside the part `{part}` is"
-            ));
+        if trains && !training.is_empty() {
+            notes.push(said_of_parts(&data.images, &training));
+            if unnamed > 0 && !training.contains(&None) {
+                notes.push(format!(
+                    "{unnamed} pictures name no part, and are held out as everything outside the part for training is"
+                ));
+            }
         }
         notes.extend(taken_as(data, classes));
         let reads = (!are_decoded).then(Arc::default);
@@ -133,7 +144,7 @@ impl LabelledPictures {
                 small += 1;
                 continue;
             }
-            let list = match list_of(image, training_part, &sequences) {
+            let list = match list_of(image, &training, &sequences) {
                 _ if !trains => List::HeldOut,
                 List::Validation if !validated => List::Training,
                 list => list,
@@ -145,7 +156,6 @@ impl LabelledPictures {
         if small > 0 {
             notes.push(too_small(small, crop));
         }
-        let misfit = |problem: String| DatasetError::Labels { path: folder.to_path_buf(), problem };
         for (name, list) in [("training", &found.training), ("scoring", &found.held_out)] {
             if list.is_empty() && (trains || name == "scoring") {
                 let why = match small {
@@ -158,7 +168,7 @@ impl LabelledPictures {
                 return Err(misfit(format!("no picture is left for {name}{why}")));
             }
         }
-        if trains && training_part.is_none() && sequences.len() < PART {
+        if trains && training.is_empty() && sequences.len() < PART {
             notes.push(format!(
                 "there are fewer than {PART} sequences; the last one is held out, {} pictures, and scores on one sequence say little about others",
                 found.held_out.len()
@@ -420,26 +430,61 @@ fn sequence(image: &Image) -> &str {
     image.sequence.as_deref().unwrap_or(&image.file_name)
 }
 
-/// The part that is for training, if pictures name two parts or more: `train`, or the one of the most pictures.
-fn training_part(images: &[Image]) -> Option<&str> {
-    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
-    for part in images.iter().filter_map(|image| image.split.as_deref()) {
-        *counts.entry(part).or_default() += 1;
+/// The parts that are for training, where parts decide what is held out; `None` is that of pictures without a part. Empty where they do not.
+///
+/// In this order count: parts whose names begin with `train`, in capitals or not; pictures without a part where all parts are for scores; the part
+/// of the most pictures. A part for tests never trains.
+fn training_parts(images: &[Image]) -> BTreeSet<Option<&str>> {
+    let mut counts: BTreeMap<Option<&str>, usize> = BTreeMap::new();
+    for image in images {
+        *counts.entry(image.split.as_deref()).or_default() += 1;
     }
-    if counts.len() < 2 {
-        return None;
+    let named: Vec<&str> = counts.keys().copied().flatten().collect();
+    let begins = |part: &str, words: &[&str]| {
+        let part = part.trim().to_lowercase();
+        words.iter().any(|word| part.starts_with(word))
+    };
+    if !named.is_empty() && counts.contains_key(&None) && named.iter().all(|p| begins(p, &["test", "val"])) {
+        return BTreeSet::from([None]);
     }
-    let named = counts.keys().copied().find(|part| ["train", "training"].contains(part));
-    named.or_else(|| counts.iter().max_by_key(|(_, count)| **count).map(|(part, _)| *part))
+    if named.len() < 2 {
+        return BTreeSet::new();
+    }
+    let is_exact =
+        |part: &str| ["train", "training"].iter().any(|word| part.trim().eq_ignore_ascii_case(word));
+    let of_names: Vec<&str> = named.iter().copied().filter(|part| begins(part, &["train"])).collect();
+    // Something must be left to score with.
+    let exact: Vec<&str> = of_names.iter().copied().filter(|part| is_exact(part)).collect();
+    let is_some = |chosen: &Vec<&str>| !chosen.is_empty() && chosen.len() < named.len();
+    if let Some(chosen) = [of_names, exact].into_iter().find(is_some) {
+        return chosen.into_iter().map(Some).collect();
+    }
+    let others = named.into_iter().filter(|part| !begins(part, &["test"]));
+    others.max_by_key(|part| counts[&Some(*part)]).map(Some).into_iter().collect()
 }
 
-fn list_of(image: &Image, training_part: Option<&str>, sequences: &[&str]) -> List {
+/// Which parts are trained on and which are held out, in words.
+fn said_of_parts(images: &[Image], training: &BTreeSet<Option<&str>>) -> String {
+    let list = |is_training: bool| {
+        let parts: BTreeSet<Option<&str>> = images.iter().map(|image| image.split.as_deref()).collect();
+        let parts = parts.into_iter().filter(|part| training.contains(part) == is_training);
+        let name =
+            |part: Option<&str>| part.map_or("pictures without a part".to_owned(), |p| format!("`{p}`"));
+        parts.map(name).collect::<Vec<_>>().join(", ")
+    };
+    format!("for training: {}; held out: {}", list(true), list(false))
+}
+
+fn list_of(image: &Image, training: &BTreeSet<Option<&str>>, sequences: &[&str]) -> List {
     let number = sequences.binary_search(&sequence(image)).unwrap_or(0);
-    match (training_part, image.split.as_deref()) {
-        (Some(training), part) if part != Some(training) => List::HeldOut,
-        (Some(_), _) if number % PART + 1 == PART => List::Validation,
-        (Some(_), _) => List::Training,
-        (None, _) => list_by_place(number, sequences.len()),
+    if training.is_empty() {
+        list_by_place(number, sequences.len())
+    } else if !training.contains(&image.split.as_deref()) {
+        List::HeldOut
+    } else if number % PART + 1 == PART {
+        List::Validation
+    } else {
+        List::Training
     }
 }
 

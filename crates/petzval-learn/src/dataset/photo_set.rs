@@ -183,7 +183,8 @@ pub(super) fn picture_paths(folder: &Path) -> Result<Vec<PathBuf>, DatasetError>
         let path = entry.map_err(cannot_read(folder))?.path();
         let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
         let picture = matches!(extension.as_deref(), Some("png" | "jpg" | "jpeg" | "tif" | "tiff"));
-        if picture && path.is_file() {
+        // A broken link is an error when it is read.
+        if picture && (path.is_file() || path.is_symlink() && !path.is_dir()) {
             paths.push(path);
         }
     }

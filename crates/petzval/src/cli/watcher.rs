@@ -12,6 +12,9 @@ use super::plain;
 /// Units of work between two plain lines if stderr is not a terminal.
 const PLAIN_EVERY: u64 = 50;
 
+/// Least time between two plain lines.
+const PLAIN_APART: Duration = Duration::from_secs(2);
+
 /// Time after which a plain line comes earlier.
 const PLAIN_AFTER: Duration = Duration::from_secs(15);
 
@@ -51,6 +54,13 @@ impl Phase {
     /// Whether a report belongs to this phase. Another total, or fewer units than before, begin another one.
     fn goes_on(&self, done: u64, total: u64) -> bool {
         self.total == total && self.points.back().is_none_or(|(_, before)| done >= *before)
+    }
+
+    /// Whether a plain line is due once so many units are done.
+    fn is_line_due(&self, now: Instant, done: u64) -> bool {
+        let since_last = now.duration_since(self.last_line);
+        let is_round = done.is_multiple_of(PLAIN_EVERY) && since_last >= PLAIN_APART;
+        done > self.first && (is_round || since_last > PLAIN_AFTER)
     }
 
     /// Notes how many units are done.
@@ -131,9 +141,7 @@ impl Stderr {
             self.bar.set_message(text.clone());
             self.bar.set_position(done);
             self.bar.set_prefix(left.map_or_else(|| phase.left(), str::to_owned));
-        } else if done > phase.first
-            && (done.is_multiple_of(PLAIN_EVERY) || now.duration_since(phase.last_line) > PLAIN_AFTER)
-        {
+        } else if phase.is_line_due(now, done) {
             let left = left.map_or_else(|| phase.left(), str::to_owned);
             noteln!("{done}/{total}{left}: {text}");
             phase.last_line = now;
@@ -212,6 +220,25 @@ mod tests {
         // Every tenth unit takes a minute: the time left includes such units as often as they come.
         let said = left_after(0, 400, (0..200).map(|unit| if unit % 10 == 9 { 60 } else { 1 }));
         assert_eq!(said[200], format!(", about {} s left", 200 / 10 * 69));
+    }
+
+    #[test]
+    fn plain_lines_of_quick_units_are_some_time_apart() {
+        // 20,000 pictures at 5,000 a second: the first fifty come too soon.
+        let start = Instant::now();
+        let mut phase = Phase::new(start, 0, 20_000);
+        let mut lines = Vec::new();
+        for done in 1..=20_000 {
+            let now = start + Duration::from_micros(200) * done as u32;
+            if phase.is_line_due(now, done) {
+                lines.push(done);
+                phase.last_line = now;
+            }
+        }
+        assert_eq!(lines, [10_000, 20_000]);
+        // Slow ones have a line after each fifty, and one when it has been quiet for long.
+        let late = |seconds, done| phase.is_line_due(phase.last_line + Duration::from_secs(seconds), done);
+        assert_eq!([late(3, 50), late(3, 51), late(16, 51)], [true, false, true]);
     }
 
     #[test]

@@ -79,6 +79,31 @@ fn a_converted_data_set_is_checked_and_shown() {
     }
 }
 
+#[cfg(unix)]
+#[test]
+fn small_photographs_and_broken_links_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    std::fs::create_dir(root.join("photos")).unwrap();
+    for (name, side) in [("a.png", 126), ("b.png", 125), ("c.png", 24)] {
+        image::RgbImage::from_pixel(140, side, image::Rgb([9; 3]))
+            .save(root.join("photos").join(name))
+            .unwrap();
+    }
+    std::os::unix::fs::symlink(root.join("gone.png"), root.join("photos/d.png")).unwrap();
+    let checked = run(root, &["data", "check", "photos"]);
+    assert_eq!(checked.code, Some(2));
+    for words in [
+        "note, 2 times: A photograph is smaller than 126 pixels",
+        "worst: c.png: 140 x 24 px",
+        "b.png: 140 x 125 px",
+        "error, once: The file of a picture cannot be decoded",
+        "photos/d.png",
+    ] {
+        assert!(checked.stdout.contains(words), "{words}\n{}", checked.stdout);
+    }
+}
+
 #[test]
 fn what_cannot_be_converted_is_named_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();

@@ -2,10 +2,10 @@
 //!
 //! <https://doc.bdd100k.com/format.html>. Lanes and drivable areas without `box2d` are left out and counted, and so are lists that have no
 //! other labels: their pictures are no background. Another label without a box is an error of its own. A file of one picture has all labels
-//! of it. The colour of a traffic light becomes the attribute `state`: `red`, `yellow` and `green`, or `R`, `Y` and `G`. A stated `size` is that of the picture. Labels of whole
+//! of it. Frames of several times by the name of one picture are an error; other entries of it in a list are noted, and their labels come together. The colour of a traffic light becomes the attribute `state`: `red`, `yellow` and `green`, or `R`, `Y` and `G`. Objects with `crowd` or `ignored` are crowds. A stated `size` is that of the picture. Labels of whole
 //! pictures, such as the weather, are not read.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
@@ -44,6 +44,12 @@ struct Picture {
     video: Loose,
     #[serde(default)]
     attributes: Loose,
+    /// When it was taken: the number of the frame, or a time.
+    #[serde(default, alias = "frame_index")]
+    #[serde(rename = "frameIndex")]
+    frame: Loose,
+    #[serde(default)]
+    timestamp: Loose,
     /// Scalabel states the size of the picture here.
     size: Option<Record<Size>>,
     /// `objects` in older files.
@@ -60,6 +66,10 @@ struct Object {
     attributes: Option<BTreeMap<String, Loose>>,
     #[serde(default)]
     score: Loose,
+    #[serde(default)]
+    crowd: Loose,
+    #[serde(default)]
+    ignored: Loose,
 }
 
 impl Object {
@@ -115,7 +125,9 @@ pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Res
             builder.defects.add(DefectKind::FileWithoutBoxes, || path.display().to_string());
             continue;
         }
-        for picture in pictures {
+        // The time of the first entry of each picture of this file.
+        let mut times: HashMap<u64, [Loose; 2]> = HashMap::new();
+        for (place, picture) in (0..).zip(pictures) {
             cancel.check()?;
             let Some(picture) = builder.understood(path, table("frames", &picture)) else { continue };
             let wanted = "the name of the file of the picture";
@@ -132,6 +144,22 @@ pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Res
                 image.sequence = Some(video);
             }
             let id = image.id;
+            // The frames of a table are of different times, the entries of a list where they say so.
+            let time = if is_list {
+                [picture.frame.clone(), picture.timestamp.clone()]
+            } else {
+                [Loose::Whole(place), Loose::Absent]
+            };
+            if let Some(first) = times.insert(id, time.clone()) {
+                let are_other = |(a, b): (&Loose, &Loose)| ![a, b].contains(&&Loose::Absent) && a != b;
+                let said = || format!("{}: {name}: {}", path.display(), file.display());
+                if first.iter().zip(&time).any(are_other) {
+                    builder.defects.add(DefectKind::SeveralTimes, said);
+                    builder.leave_out(id);
+                } else {
+                    builder.defects.add(DefectKind::RepeatedFile, said);
+                }
+            }
             let of_picture = |error: FileError| FileError { key: format!("{name}: {}", error.key), ..error };
             let size = picture.size.as_ref().map(pixels).transpose().map_err(of_picture);
             if let Some(size) = builder.understood(path, size).flatten() {
@@ -261,10 +289,18 @@ fn label<'a>(
                 }
             },
         };
-        // Files of tracks mark crowds.
-        label.crowd |= name == "crowd" && value == Attribute::Flag(true);
+        // Scalabel judges neither crowds nor what is ignored: both are crowds in its files in COCO format.
+        let is_said = matches!(value, Attribute::Flag(true) | Attribute::Number(1.0));
+        let is_ignored = is_said && name.eq_ignore_ascii_case("ignored");
+        label.crowd |= is_ignored || is_said && name.eq_ignore_ascii_case("crowd");
+        label.ignore |= is_ignored;
         label.attributes.insert(name.clone(), value);
     }
+    let flag =
+        |value: &Loose, name: &str| value.flag().map_err(|wrong| wrong_value(name, &wrong, "true or false"));
+    let is_ignored = flag(&object.ignored, "ignored")?;
+    label.crowd |= is_ignored || flag(&object.crowd, "crowd")?;
+    label.ignore |= is_ignored;
     if object.score != Loose::Absent {
         defects.add(DefectKind::ScoredLabel, || format!("{}: score {}", place(), object.score));
     }

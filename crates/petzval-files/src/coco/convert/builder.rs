@@ -64,6 +64,8 @@ pub(super) struct Builder {
     /// The number of the picture in each file that was looked up; none if the file cannot be decoded.
     taken: HashMap<PathBuf, Option<u64>>,
     names: HashSet<String>,
+    /// Pictures that are left out with their labels.
+    left_out: HashSet<u64>,
     categories: HashMap<String, u64>,
     pub defects: Defects,
     first_error: Option<(PathBuf, FileError)>,
@@ -107,7 +109,7 @@ impl Builder {
             return *id;
         }
         let id = self.data.categories.len() as u64 + 1;
-        self.data.categories.push(Category { id, name: name.to_owned(), supercategory: String::new() });
+        self.data.categories.push(Category { id, name: name.to_owned(), ..Category::default() });
         self.categories.insert(name.to_owned(), id);
         id
     }
@@ -192,6 +194,11 @@ impl Builder {
         });
     }
 
+    /// Leaves a picture out with its labels, which the caller notes.
+    pub fn leave_out(&mut self, image_id: u64) {
+        self.left_out.insert(image_id);
+    }
+
     /// Remembers that a label of a picture is left out.
     pub fn lose_label(&mut self, image_id: u64) {
         self.defects.lose_label(image_id);
@@ -219,8 +226,11 @@ impl Builder {
     /// Turns boxes of stored pixels with their pictures, and takes pictures out whose boxes may be of others.
     fn settle_turns(&mut self) {
         let with_boxes: HashSet<u64> = self.data.annotations.iter().map(|a| a.image_id).collect();
-        let (mut left_out, mut turning) = (HashSet::new(), HashMap::new());
+        let (mut left_out, mut turning) = (std::mem::take(&mut self.left_out), HashMap::new());
         for image in &self.data.images {
+            if left_out.contains(&image.id) {
+                continue;
+            }
             let Some(Source { path, head, stated }) = self.sources.get(&image.id) else { continue };
             let ((width, height), path) = (head.upright(), path.display());
             let turn = format!("{path}: orientation {}", head.orientation.to_exif());

@@ -1,7 +1,9 @@
 //! The files below a folder.
 
+use std::borrow::Borrow;
 use std::collections::HashMap;
 use std::ffi::{OsStr, OsString};
+use std::hash::Hash;
 use std::path::{Path, PathBuf};
 
 use petzval_base::{Cancel, FileError, IoError};
@@ -90,6 +92,11 @@ impl<'f> Pictures<'f> {
         Self { root, by_name, by_stem }
     }
 
+    /// Whether a picture has this name without its ending.
+    pub fn has_stem(&self, stem: &OsStr) -> bool {
+        self.by_stem.contains_key(stem)
+    }
+
     /// The picture of this name, without its ending, to which a file of labels belongs; `stated` is the name in that file.
     pub fn by_stem(&self, stem: &OsStr, labels: &Path, stated: &Path) -> Chosen<'f> {
         self.choose(self.by_stem.get(stem), labels, stated)
@@ -135,7 +142,7 @@ impl<'f> Pictures<'f> {
 }
 
 /// Whether two files can be read and hold the same.
-fn have_same_bytes(one: &Path, other: &Path) -> bool {
+pub(super) fn have_same_bytes(one: &Path, other: &Path) -> bool {
     let length = |path: &Path| std::fs::metadata(path).map(|about| about.len()).ok();
     let bytes = |path: &Path| petzval_base::read_whole(path).ok();
     length(one).is_some() && length(one) == length(other) && bytes(one) == bytes(other)
@@ -170,6 +177,34 @@ impl<'f> Chosen<'f> {
                 None
             }
         }
+    }
+}
+
+/// The parts of pictures that lists name.
+#[derive(Debug)]
+pub(super) struct ListedParts<P> {
+    parts: HashMap<P, &'static str>,
+}
+
+impl<P> Default for ListedParts<P> {
+    fn default() -> Self {
+        Self { parts: HashMap::new() }
+    }
+}
+
+impl<P: Eq + Hash> ListedParts<P> {
+    /// The part of a picture that a list names.
+    pub fn get<Q: Eq + Hash + ?Sized>(&self, picture: &Q) -> Option<&'static str>
+    where
+        P: Borrow<Q>,
+    {
+        self.parts.get(picture).copied()
+    }
+
+    /// Adds a picture of a list of a part. Of two parts the one counts that is added first: add parts for tests before those for training.
+    /// Returns the other part, if there is one.
+    pub fn add(&mut self, picture: P, part: &'static str) -> Option<&'static str> {
+        Some(*self.parts.entry(picture).or_insert(part)).filter(|first| *first != part)
     }
 }
 

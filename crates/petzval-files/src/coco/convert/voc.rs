@@ -9,15 +9,18 @@
 //! a person, actions, outlines and other elements are not read; they are counted.
 
 use std::collections::HashMap;
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 
 use petzval_base::Cancel;
 
 use super::builder::{Builder, Converted, Label};
-use super::tree::{Pictures, ends_with, files_below, labels_text, pictures_among, split_of, xml_text};
+use super::tree::{
+    ListedParts, Pictures, ends_with, files_below, is_picture, labels_text, pictures_among, split_of,
+    xml_text,
+};
 use super::voc_file::{Labels, Object, parse};
-use crate::coco::defect::DefectKind;
+use crate::coco::defect::{DefectKind, Defects};
 use crate::coco::error::CocoError;
 
 /// Reads a folder with `Annotations/*.xml` and `JPEGImages/`, or with XML files beside the pictures.
@@ -29,8 +32,8 @@ pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Res
         return Err(CocoError::content(root, "there is no XML file", hint));
     }
     let pictures = Pictures::among(root, &files);
-    let splits = splits(&files)?;
     let mut builder = Builder::new(turned);
+    let splits = splits(&files, &pictures, &mut builder.defects)?;
     let mut labels_of: HashMap<&Path, &Path> = HashMap::new();
     for path in labels {
         cancel.check()?;
@@ -42,7 +45,9 @@ pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Res
         let found = pictures.by_stem(stem, path, stated).or(|| pictures.by_name(path, stated));
         let place = || format!("no picture for {}", path.display());
         let Some(picture) = found.noted(&place, &mut builder.defects) else { continue };
-        let listed = splits.get(stem).cloned();
+        // Labels may have another name than their picture.
+        let mut names = [Some(stem), picture.file_stem()].into_iter().flatten();
+        let listed = names.find_map(|name| splits.get(name)).map(str::to_owned);
         let split = listed.or_else(|| split_of(picture.strip_prefix(root).unwrap_or(picture)));
         let Some(image) = builder.picture(root, picture, split) else { continue };
         let id = image.id;
@@ -71,18 +76,51 @@ pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Res
     builder.finish("Pascal VOC")
 }
 
-/// The part of the data set of each picture, from `ImageSets/Main/train.txt`, `val.txt` and `test.txt`.
-fn splits(files: &[PathBuf]) -> Result<HashMap<std::ffi::OsString, String>, CocoError> {
-    let mut parts = HashMap::new();
+/// The parts of the lists of `ImageSets/Main`, in the order in which they count.
+const LISTS: [&str; 3] = ["test", "valid", "train"];
+
+/// The part of the data set of each picture, by its name without ending, from `ImageSets/Main/train.txt`, `val.txt`, `test.txt` and `trainval.txt`.
+/// A picture of `trainval` that no list of one part names is for training, or for validation where only `train` has a list.
+fn splits(
+    files: &[PathBuf],
+    pictures: &Pictures,
+    defects: &mut Defects,
+) -> Result<ListedParts<OsString>, CocoError> {
+    let mut lists: Vec<(&str, &PathBuf)> = Vec::new();
+    let mut of_both: Vec<&PathBuf> = Vec::new();
     for path in files.iter().filter(|path| path.parent().is_some_and(|p| p.ends_with("ImageSets/Main"))) {
-        // Lists of single classes, `car_train.txt`, have another stem; `trainval` is of two parts.
-        let Some(part) = path.with_extension("").file_name().and_then(|name| split_of(Path::new(name)))
-        else {
-            continue;
-        };
-        for line in labels_text(path)?.lines() {
-            if let Some(stem) = line.split_whitespace().next() {
-                parts.insert(stem.into(), part.clone());
+        // Lists of single classes, `car_train.txt`, have another stem.
+        let stem = path.file_stem().unwrap_or(OsStr::new(""));
+        if stem.eq_ignore_ascii_case("trainval") {
+            of_both.push(path);
+        }
+        let part = split_of(Path::new(stem));
+        lists.extend(LISTS.iter().find(|known| part.as_deref() == Some(**known)).map(|part| (*part, path)));
+    }
+    let has = |part: &str| lists.iter().any(|(known, _)| *known == part);
+    let rest = if has("train") && !has("valid") { "valid" } else { "train" };
+    let mut parts = ListedParts::default();
+    let order = |part: &str| LISTS.iter().position(|known| *known == part);
+    lists.sort_by_key(|(part, _)| order(part));
+    for (part, path, is_of_both) in (lists.iter().map(|(part, path)| (*part, *path, false)))
+        .chain(of_both.into_iter().map(|path| (rest, path, true)))
+    {
+        for (number, line) in (1..).zip(labels_text(path)?.lines()) {
+            let Some(name) = line.split_whitespace().next() else { continue };
+            // Some lists have names with their ending.
+            let stem = match Path::new(name) {
+                whole if is_picture(whole) && !pictures.has_stem(OsStr::new(name)) => whole.file_stem(),
+                _ => Some(OsStr::new(name)),
+            };
+            let stem = stem.unwrap_or(OsStr::new(name));
+            let place = || format!("{}: line {number}: {name}", path.display());
+            if !pictures.has_stem(stem) {
+                defects.add(DefectKind::ListedWithoutPicture, place);
+                continue;
+            }
+            let other = parts.add(stem.to_owned(), part);
+            if let Some(other) = other.filter(|other| !is_of_both || *other == "test") {
+                defects.add(DefectKind::PictureInTwoParts, || format!("{}, and in {other}", place()));
             }
         }
     }

@@ -5,7 +5,8 @@
 //! becomes `labels`, and the ending `.txt`; else beside the picture. That covers `images/train/` with `labels/train/`, the exports of Roboflow
 //! (`train/images/` with `train/labels/`) and Darknet (labels beside pictures). As there, labels are of the picture that EXIF has turned.
 //!
-//! The part of a picture is that whose folder `data.yaml` names, else the one that its own folders are called by.
+//! The part of a picture is that whose list or folder `data.yaml` names, else the one that its own folders are called by. Of several pictures with one
+//! file of labels none is used, unless they are copies.
 //!
 //! A line has one of these forms:
 //!
@@ -18,14 +19,14 @@
 //!
 //! Rotated boxes and outlines give the upright box around them. They are counted.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use petzval_base::{Cancel, FileError};
 
 use super::builder::{Builder, Converted, Label};
-use super::tree::{ends_with, files_below, is_picture, labels_text, split_of};
+use super::tree::{ends_with, files_below, have_same_bytes, labels_text, pictures_among, split_of};
 use super::yolo_names::names_of;
 use crate::coco::bounds::Bounds;
 use crate::coco::defect::DefectKind;
@@ -37,34 +38,58 @@ const ROUNDING: f64 = 0.01;
 /// Reads a folder.
 pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Result<Converted, CocoError> {
     let files = files_below(root, cancel)?;
-    let page = names_of(root, &files)?;
-    let (names, keypoints) = (&page.classes, page.keypoints);
-    let labels: HashSet<&Path> = files.iter().filter(|p| ends_with(p, "txt")).map(PathBuf::as_path).collect();
     let mut builder = Builder::of_turned_pictures(turned);
-    page.unread_parts.iter().for_each(|key| builder.unread(key));
+    let page = names_of(root, &files, &mut builder.defects)?;
+    let (names, keypoints) = (&page.classes, page.keypoints);
+    let labels = LabelFiles::among(&files);
+    let mut pictures_of: HashMap<&Path, Vec<&Path>> = HashMap::new();
+    for picture in pictures_among(&files) {
+        labels.of(picture).into_iter().for_each(|path| pictures_of.entry(path).or_default().push(picture));
+    }
     for (number, name) in names.iter().enumerate() {
         if names[..number].contains(name) {
             builder.defects.add(DefectKind::RepeatedClassName, || format!("class {number}: {name:?}"));
         }
         builder.category(name);
     }
-    let mut used = HashSet::new();
-    for picture in files.iter().filter(|path| is_picture(path)) {
+    // Labels that are of no picture, and the names of their pictures: these are no background.
+    let lost: Vec<&Path> = labels.all().filter(|path| is_lost(path, &pictures_of)).collect();
+    let lost_names: HashSet<&OsStr> = lost.iter().filter_map(|path| path.file_stem()).collect();
+    for picture in pictures_among(&files) {
         cancel.check()?;
         let below = picture.strip_prefix(root).unwrap_or(picture);
         let split = page.part_of(below).or_else(|| split_of(below));
-        let path = label_files(picture).into_iter().find(|path| labels.contains(path.as_path()));
-        // A picture that cannot be decoded has its labels, too.
-        used.extend(path.clone());
+        let path = labels.of(picture);
+        let of_same = path.map_or(&[][..], |path| pictures_of[path].as_slice());
+        match one_of_copies(of_same) {
+            Some(first) if first != picture => continue,
+            None if of_same.len() > 1 => {
+                if of_same[0] == picture {
+                    let said = || {
+                        let names: Vec<String> =
+                            of_same.iter().map(|path| path.display().to_string()).collect();
+                        format!("{}: {}", path.unwrap_or(picture).display(), names.join(" or "))
+                    };
+                    builder.defects.add(DefectKind::SeveralPictures, said);
+                }
+                continue;
+            }
+            _ => {}
+        }
         let Some(image) = builder.picture(root, picture, split) else { continue };
         let id = image.id;
         let (width, height) = builder.labelled_size(id);
         let size = [f64::from(width), f64::from(height)];
-        let Some(path) = path else { continue };
-        let text = labels_text(&path)?;
+        let Some(path) = path else {
+            if picture.file_stem().is_some_and(|stem| lost_names.contains(stem)) {
+                builder.lose_label(id);
+            }
+            continue;
+        };
+        let text = labels_text(path)?;
         for (number, line) in (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty()) {
             let read = parse_line(number, line, names.len(), keypoints);
-            let Some((class, shape)) = builder.understood(&path, read) else { continue };
+            let Some((class, shape)) = builder.understood(path, read) else { continue };
             let place = || format!("{}: line {number}", path.display());
             let pixels = |[x, y]: [f64; 2]| [x * size[0], y * size[1]];
             let bounds = match shape {
@@ -88,28 +113,78 @@ pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Res
             }
         }
     }
-    if used.is_empty() {
+    if pictures_of.is_empty() {
         let hint = "name the folder that holds `images` and `labels`, or `train/images` and `train/labels`; for a file in COCO format \
                     no conversion is needed: `petzval data check FILE`";
         return Err(CocoError::content(root, "no picture here has a file of labels", hint));
     }
-    for path in labels {
-        let is_in_labels = path.parent().is_some_and(|p| p.components().any(|c| c.as_os_str() == "labels"));
-        let names_classes = path.file_name() == Some(OsStr::new("classes.txt"));
-        if is_in_labels && !names_classes && !used.contains(path) {
-            builder.defects.add(DefectKind::MissingPicture, || format!("no picture for {}", path.display()));
-        }
+    for path in lost {
+        builder.defects.add(DefectKind::MissingPicture, || format!("no picture for {}", path.display()));
     }
     builder.finish("YOLO")
+}
+
+/// Whether a file in a folder `labels` is of no picture. Elsewhere texts may be anything.
+fn is_lost(path: &Path, pictures_of: &HashMap<&Path, Vec<&Path>>) -> bool {
+    let is_in_labels = path.parent().is_some_and(|p| p.iter().any(|name| name.eq_ignore_ascii_case(LABELS)));
+    let names_classes = path.file_name() == Some(OsStr::new("classes.txt"));
+    is_in_labels && !names_classes && !pictures_of.contains_key(path)
+}
+
+/// The first of some pictures, if the others are copies of it.
+fn one_of_copies<'f>(pictures: &[&'f Path]) -> Option<&'f Path> {
+    let (first, others) = pictures.split_first()?;
+    others.iter().all(|other| have_same_bytes(first, other)).then_some(first)
+}
+
+/// The folder of labels, and that of pictures in its place.
+const LABELS: &str = "labels";
+const IMAGES: &str = "images";
+
+/// The files of labels of a data set. Some programs write `Labels` or `.TXT`.
+struct LabelFiles<'f>(HashMap<PathBuf, &'f Path>);
+
+impl<'f> LabelFiles<'f> {
+    fn among(files: &'f [PathBuf]) -> Self {
+        let mut by_place: HashMap<PathBuf, &Path> = HashMap::new();
+        for path in files.iter().filter(|path| ends_with(path, "txt")) {
+            // The usual spelling comes before another one of the same name.
+            let place = in_usual_letters(path);
+            let is_usual = place == *path;
+            let first = by_place.entry(place).or_insert(path);
+            if is_usual {
+                *first = path;
+            }
+        }
+        Self(by_place)
+    }
+
+    /// The labels of a picture.
+    fn of(&self, picture: &Path) -> Option<&'f Path> {
+        label_files(picture).iter().find_map(|path| self.0.get(&in_usual_letters(path)).copied())
+    }
+
+    fn all(&self) -> impl Iterator<Item = &'f Path> {
+        let mut all: Vec<&Path> = self.0.values().copied().collect();
+        all.sort();
+        all.into_iter()
+    }
+}
+
+/// The path of a file of labels with `labels` and `.txt` in small letters.
+fn in_usual_letters(path: &Path) -> PathBuf {
+    let parts: PathBuf = (path.iter())
+        .map(|name| if name.eq_ignore_ascii_case(LABELS) { OsStr::new(LABELS) } else { name })
+        .collect();
+    if ends_with(&parts, "txt") { parts.with_extension("txt") } else { parts }
 }
 
 /// Where the labels of a picture may be.
 fn label_files(picture: &Path) -> Vec<PathBuf> {
     let parts: Vec<&OsStr> = picture.iter().collect();
-    let folder = parts.iter().rposition(|part| *part == "images");
+    let folder = parts.iter().rposition(|part| part.eq_ignore_ascii_case(IMAGES));
     let in_labels = folder.map(|at| {
-        let parts =
-            parts.iter().enumerate().map(|(i, part)| if i == at { OsStr::new("labels") } else { part });
+        let parts = parts.iter().enumerate().map(|(i, part)| if i == at { OsStr::new(LABELS) } else { part });
         parts.collect::<PathBuf>().with_extension("txt")
     });
     in_labels.into_iter().chain([picture.with_extension("txt")]).collect()

@@ -1,11 +1,14 @@
 //! The file of class names of a YOLO data set: `data.yaml`, `classes.txt` or a file `.names`.
 
+use std::collections::HashSet;
 use std::ffi::OsStr;
 use std::path::{Component, Path, PathBuf};
 
 use petzval_base::FileError;
 
-use super::tree::{ends_with, labels_text};
+use super::builder::PLAIN_FOLDERS;
+use super::tree::{ListedParts, ends_with, is_picture, labels_text};
+use crate::coco::defect::{DefectKind, Defects};
 use crate::coco::error::CocoError;
 use crate::yaml::{self, Node, Value};
 
@@ -18,79 +21,196 @@ pub(super) struct Names {
     pub keypoints: Option<[usize; 2]>,
     /// Folders of the parts, below that of the data set, each with its part.
     parts: Vec<(PathBuf, &'static str)>,
-    /// Parts that are no folders, such as lists of pictures.
-    pub unread_parts: Vec<String>,
+    /// The parts of pictures that lists name, by their paths below the folder of the data set.
+    listed: ListedParts<PathBuf>,
 }
 
-/// Keys of the file and the parts that they name. Of one folder with two parts the last one counts.
+/// Keys of the file and the parts that they name. Of one folder with two parts the last one counts, of a picture in two lists the first.
 const PARTS: [(&str, &str); 3] = [("test", "test"), ("val", "valid"), ("train", "train")];
 
 impl Names {
     fn of_classes(classes: Vec<String>) -> Self {
-        Self { classes, keypoints: None, parts: Vec::new(), unread_parts: Vec::new() }
+        Self { classes, keypoints: None, parts: Vec::new(), listed: ListedParts::default() }
     }
 
     /// The part of a picture, by its path below the folder of the data set, where the file names it.
     pub fn part_of(&self, below: &Path) -> Option<String> {
         let named = self.parts.iter().filter(|(folder, _)| below.starts_with(folder));
-        named.max_by_key(|(folder, _)| folder.components().count()).map(|(_, part)| (*part).to_owned())
+        let of_folder = || named.max_by_key(|(folder, _)| folder.components().count()).map(|(_, part)| *part);
+        self.listed.get(below).or_else(of_folder).map(str::to_owned)
     }
 
-    /// Takes the folders of `train`, `val` and `test`. They are below `path`, which is often that of another machine: only the names count.
-    fn take_parts(&mut self, page: &Node) {
+    /// Takes the folders and lists of `train`, `val` and `test`. Parts without a picture are noted.
+    fn take_parts(
+        &mut self,
+        (file, page): (&Path, &Node),
+        root: &Path,
+        files: &[PathBuf],
+        defects: &mut Defects,
+    ) -> Result<(), CocoError> {
+        let below = |path: &PathBuf| path.strip_prefix(root).unwrap_or(path).to_owned();
+        let pictures: HashSet<PathBuf> = files.iter().filter(|path| is_picture(path)).map(below).collect();
+        let above = page.get("path").and_then(Node::text).map(|text| names_in(Path::new(text)));
+        let above = above.unwrap_or_default();
         for (key, part) in PARTS {
             for text in page.get(key).into_iter().flat_map(Node::list).filter_map(Node::text) {
-                let path = Path::new(text);
-                let folder: PathBuf =
-                    path.components().filter(|part| matches!(part, Component::Normal(_))).collect();
-                let is_list = ends_with(path, "txt");
-                if !is_list && path.is_relative() && folder.iter().next().is_some() {
-                    self.parts.push((folder, part));
-                } else if !matches!(text, "" | "~" | "null") {
-                    self.unread_parts.push(key.to_owned());
+                if matches!(text, "" | "~" | "null") {
+                    continue;
+                }
+                let mut places = places(Path::new(text), &above).into_iter();
+                let is_list = ends_with(Path::new(text), "txt");
+                let found = if is_list {
+                    places.find(|place| files.contains(&root.join(place)))
+                } else {
+                    places.find(|place| pictures.iter().any(|picture| picture.starts_with(place)))
+                };
+                match found {
+                    Some(list) if is_list => self.take_list(root, &list, part, &pictures, defects)?,
+                    Some(folder) => self.parts.push((folder, part)),
+                    None => defects.add(DefectKind::PartWithoutPictures, || {
+                        format!("{}: {key}: {text}", file.display())
+                    }),
                 }
             }
         }
+        Ok(())
+    }
+
+    /// Takes the pictures of a list, one path a line, from the folder of the list or from that of the data set.
+    fn take_list(
+        &mut self,
+        root: &Path,
+        list: &Path,
+        part: &'static str,
+        pictures: &HashSet<PathBuf>,
+        defects: &mut Defects,
+    ) -> Result<(), CocoError> {
+        let text = labels_text(&root.join(list))?;
+        let beside = list.parent().map(names_in).unwrap_or_default();
+        for (number, line) in (1..).zip(text.lines().map(str::trim)).filter(|(_, line)| !line.is_empty()) {
+            let place = || format!("{}: line {number}: {line}", root.join(list).display());
+            let mut places = places(Path::new(line), &beside).into_iter();
+            let Some(picture) = places.find(|place| pictures.contains(place)) else {
+                defects.add(DefectKind::ListedWithoutPicture, place);
+                continue;
+            };
+            if let Some(other) = self.listed.add(picture, part) {
+                defects.add(DefectKind::PictureInTwoParts, || format!("{}, and in {other}", place()));
+            }
+        }
+        Ok(())
     }
 }
 
-/// The names of the classes, from `data.yaml`, `classes.txt` or a file `.names`.
-pub(super) fn names_of(root: &Path, files: &[PathBuf]) -> Result<Names, CocoError> {
-    let at_top = |path: &&PathBuf| path.parent() == Some(root);
-    let is_yaml = |path: &&PathBuf| ends_with(path, "yaml") || ends_with(path, "yml");
-    let mut candidates: Vec<&PathBuf> = files.iter().filter(at_top).filter(is_yaml).collect();
-    candidates.sort_by_key(|path| path.file_stem() != Some(OsStr::new("data")));
-    for path in &candidates {
-        let text = labels_text(path)?;
-        let page = yaml::parse(&text).map_err(|error| CocoError::file(path, with_hint(error)))?;
-        if let Some(names) = page.get("names") {
-            let read = || {
-                let keypoints = keypoints(&page)?;
-                Ok(Names { keypoints, ..Names::of_classes(yaml_names(&page, names)?) })
-            };
-            let mut read = read().map_err(|error| CocoError::file(path, error))?;
-            read.take_parts(&page);
-            return Ok(read);
-        }
+/// The names in a path, without its root and its steps upwards.
+fn names_in(path: &Path) -> Vec<&OsStr> {
+    let name = |part| match part {
+        Component::Normal(name) => Some(name),
+        _ => None,
+    };
+    path.components().filter_map(name).collect()
+}
+
+/// Places below the folder of a data set that a path may mean, the longest first. A relative one counts from the folder `above` or from one of its
+/// inner folders, because `path` is often that of another machine; so does an absolute one, as long as it names more than `images`.
+fn places(path: &Path, above: &[&OsStr]) -> Vec<PathBuf> {
+    let own = names_in(path);
+    if own.is_empty() {
+        return Vec::new();
     }
+    if path.is_relative() {
+        let place = |from| above[from..].iter().chain(&own).collect();
+        return (0..=above.len()).map(place).collect();
+    }
+    let is_telling =
+        |names: &&[&OsStr]| names.iter().any(|name| !PLAIN_FOLDERS.iter().any(|plain| name == plain));
+    (0..own.len()).map(|from| &own[from..]).filter(is_telling).map(|names| names.iter().collect()).collect()
+}
+
+/// The names of the classes, from `data.yaml`, `classes.txt` or a file `.names`. Fails where two of these files give a number to different classes.
+pub(super) fn names_of(root: &Path, files: &[PathBuf], defects: &mut Defects) -> Result<Names, CocoError> {
+    let is_yaml = |path: &&PathBuf| ends_with(path, "yaml") || ends_with(path, "yml");
+    let is_data = |path: &&PathBuf| path.file_stem() == Some(OsStr::new("data"));
+    let at_top = |path: &&PathBuf| path.parent() == Some(root);
+    let mut pages: Vec<&PathBuf> = files.iter().filter(is_yaml).filter(|p| at_top(p) || is_data(p)).collect();
+    pages.sort_by_key(|path| (!at_top(path), !is_data(path)));
     let is_list =
         |path: &&PathBuf| path.file_name() == Some(OsStr::new("classes.txt")) || ends_with(path, "names");
-    if let Some(path) = files.iter().find(is_list) {
-        let text = labels_text(path)?;
-        let names: Vec<String> =
-            text.lines().map(str::trim).filter(|l| !l.is_empty()).map(str::to_owned).collect();
-        return if names.is_empty() {
-            Err(CocoError::content(path, "the file names no class", "write one name in a line"))
-        } else {
-            Ok(Names::of_classes(names))
+    let mut found: Option<(&Path, Names)> = None;
+    for path in &pages {
+        let read = names_of_page(path);
+        let (page, read) = match read {
+            Ok(Some(read)) => read,
+            // The first file with names counts. Others are compared where they can be read.
+            Ok(None) => continue,
+            Err(error) if found.is_none() && at_top(path) => return Err(error),
+            Err(_) => continue,
         };
+        match &found {
+            Some((first, names)) => check_agree((first, &names.classes), (path, &read.classes))?,
+            None if at_top(path) => {
+                let mut read = read;
+                read.take_parts((path, &page), root, files, defects)?;
+                found = Some((path.as_path(), read));
+            }
+            None => {}
+        }
     }
-    let reason = match candidates.first() {
+    let is_of_page = found.is_some();
+    for path in files.iter().filter(is_list) {
+        let text = labels_text(path)?;
+        let classes: Vec<String> =
+            text.lines().map(str::trim).filter(|l| !l.is_empty()).map(str::to_owned).collect();
+        match &found {
+            Some((first, names)) => {
+                check_agree((first, &names.classes), (path, &classes))?;
+                // Programs write the classes that they have met so far.
+                if !is_of_page && classes.len() > names.classes.len() {
+                    found = Some((path.as_path(), Names::of_classes(classes)));
+                }
+            }
+            None if classes.is_empty() => {
+                return Err(CocoError::content(path, "the file names no class", "write one name in a line"));
+            }
+            None => found = Some((path.as_path(), Names::of_classes(classes))),
+        }
+    }
+    if let Some((_, names)) = found {
+        return Ok(names);
+    }
+    let reason = match pages.iter().find(|path| at_top(path)) {
         Some(path) => format!("{} has no `names`", path.display()),
         None => "no file names the classes".to_owned(),
     };
     let hint = "add `data.yaml` with a list `names:`, or `classes.txt` with one name in a line";
     Err(CocoError::content(root, reason, hint))
+}
+
+/// The page of a YAML file, and its classes; `None` without `names`.
+fn names_of_page(path: &Path) -> Result<Option<(Node, Names)>, CocoError> {
+    let text = labels_text(path)?;
+    let page = yaml::parse(&text).map_err(|error| CocoError::file(path, with_hint(error)))?;
+    let Some(names) = page.get("names") else { return Ok(None) };
+    let read = || {
+        let keypoints = keypoints(&page)?;
+        Ok(Names { keypoints, ..Names::of_classes(yaml_names(&page, names)?) })
+    };
+    let read = read().map_err(|error| CocoError::file(path, error))?;
+    Ok(Some((page, read)))
+}
+
+/// Fails where two files give one number to different classes. One of them may list fewer.
+fn check_agree(
+    (first, of_first): (&Path, &[String]),
+    (other, of_other): (&Path, &[String]),
+) -> Result<(), CocoError> {
+    let differ = |(_, (a, b)): &(usize, (&String, &String))| a.to_lowercase() != b.to_lowercase();
+    let Some((number, (a, b))) = of_first.iter().zip(of_other).enumerate().find(differ) else {
+        return Ok(());
+    };
+    let reason = format!("class {number} is `{b}`, and `{a}` in {}", first.display());
+    let hint = "labels have numbers alone: keep the file that belongs to them, or convert folders of other numbers one by one";
+    Err(CocoError::content(other, reason, hint))
 }
 
 /// An error of the YAML reader, which has no hint for some mistakes.
