@@ -302,6 +302,17 @@ fn tilts_are_variables_in_degrees() {
     assert_eq!(again.variables, file.variables);
     assert_eq!(again.lens, file.lens);
     assert!(with(-1.0, 1.0).unwrap_err().message.contains("outside its bounds"));
+    // The offset of a pickup is an angle as well: 0.5 degrees, whatever the factor.
+    let follower = "label = \"V2 rear\"\nplacement = { tilt_deg = [0.0, 2.0, 0.0] }";
+    let pickup = "[[pickup]]\nsurface = 4\nparameter = \"tilt_y_deg\"\nfollows = 3\noffset = 0.5\n\n";
+    let variable = "[[variable]]\nsurface = 3\nparameter = \"tilt_y_deg\"\nmin = -2.0\nmax = 2.0\n\n";
+    let text = text.replace("label = \"V2 rear\"", follower);
+    let at = text.find("[[variable]]").unwrap();
+    let file = parse_lens(&format!("{}{variable}{pickup}{}", &text[..at], &text[at..]), &catalog()).unwrap();
+    assert_eq!(file.pickups[0].offset, 0.5_f64.to_radians());
+    let written = write_lens(&file);
+    assert!(written.contains("\noffset = 0.5\n"), "{written}");
+    assert_eq!(parse_lens(&written, &catalog()).unwrap().pickups, file.pickups);
 }
 
 /// Errors of special surfaces name their line.

@@ -410,7 +410,7 @@ impl Reader<'_> {
                 text.as_ref().map_or(Ok(default), |value| self.finite(key, value))
             };
             let scale = factor("scale", &text.scale, 1.0)?;
-            let offset = factor("offset", &text.offset, 0.0)?;
+            let offset = number.from_stated_difference(factor("offset", &text.offset, 0.0)?);
             pickups.push(Pickup { surface, variable, scale, offset });
         }
         Ok(pickups)
