@@ -12,7 +12,9 @@ use petzval_base::FileError;
 use petzval_files::{Expect, Expected, ExpectedSpots, LensFile, parse_lens, parse_lens_start, write_lens};
 use petzval_optics::design_space::{EflSolve, MagnificationSolve, Pickup, Variable};
 use petzval_optics::glass::{Catalog, Dispersion, Glass};
-use petzval_optics::lens::{LensDefect, ObjectDistance, Surface, SurfaceShape, validate, xy_index};
+use petzval_optics::lens::{
+    Axis, LensDefect, ObjectDistance, Placement, Surface, SurfaceShape, validate, xy_index,
+};
 use petzval_optics::number::Number;
 use petzval_optics::paraxial::first_order;
 
@@ -551,6 +553,23 @@ fn impossible_lenses_are_named() {
     assert!(matches!(thin, LensDefect::CentreThickness { surface: 3, thickness_mm: -0.1, .. }), "{thin}");
     let sharp = with(&|l| l.surfaces[5].thickness_mm = 0.5);
     assert!(matches!(sharp, LensDefect::EdgeThickness { surface: 6, .. }), "{sharp}");
+
+    // A meniscus of even thickness keeps it where the axis follows its decentre; where the axis returns, its rear stands beside it.
+    let meniscus = |axis: Axis| {
+        let mut lens = lens.clone();
+        lens.surfaces.truncate(2);
+        for (surface, thickness_mm) in lens.surfaces.iter_mut().zip([1.0, 100.0]) {
+            surface.shape = SurfaceShape { curvature: 0.05, ..SurfaceShape::PLANE };
+            (surface.thickness_mm, surface.semi_diameter_mm) = (thickness_mm, 8.0);
+        }
+        let decenter_mm = [0.0, 5.0];
+        lens.surfaces[0].placement = Some(Placement { decenter_mm, axis, ..Placement::default() });
+        lens.stop = 0;
+        validate(&lens)
+    };
+    assert_eq!(meniscus(Axis::Follows), Ok(()));
+    let beside = meniscus(Axis::Returns).unwrap_err();
+    assert!(matches!(beside, LensDefect::EdgeThickness { surface: 1, .. }), "{beside}");
 
     // S2 sags towards V2 by 0.95 mm at V2's edge, and V2 comes to meet it with 0.26 mm.
     let crossing = with(&|l| l.surfaces[1].thickness_mm = 1.0);
