@@ -317,6 +317,29 @@ fn tilts_are_variables_in_degrees() {
     assert_eq!(parse_lens(&written, &catalog()).unwrap().pickups, file.pickups);
 }
 
+/// A pickup that gives a number another value than the file is named with its line and both values.
+#[test]
+fn pickups_that_contradict_the_file_are_named() {
+    let text = nominal();
+    let with = |scale: &str| {
+        let pickup =
+            format!("[[pickup]]\nsurface = 1\nparameter = \"thickness_mm\"\nfollows = 2\n{scale}\n\n");
+        let at = text.find("[solve]").unwrap();
+        let line = 2 + text[..at].matches('\n').count();
+        let text = format!("{}{pickup}{}", &text[..at], &text[at..]);
+        (parse_lens_start(&text, &catalog()).unwrap(), line)
+    };
+    let (import, line) = with("scale = 0.5");
+    let said: Vec<String> = import.losses.iter().map(ToString::to_string).collect();
+    let wanted = "thickness_mm of surface 1 is 4.014 in the file, and its pickup makes it 4.055: optimisations and designs begin with";
+    assert!(
+        said.len() == 1 && said[0].starts_with(&format!("line {line}: `[[pickup]]`: {wanted}")),
+        "{said:?}"
+    );
+    // A number that is rounded as tables round it contradicts nothing.
+    assert!(with("offset = -4.0960001").0.losses.is_empty());
+}
+
 /// Errors of special surfaces name their line.
 #[test]
 fn bad_special_surfaces_are_refused() {
