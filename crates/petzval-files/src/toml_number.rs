@@ -52,7 +52,7 @@ pub(crate) fn exact_degrees(rad: f64) -> Option<f64> {
 }
 
 /// The shortest decimal among a number and its neighbours that passes the test.
-fn shortest(near: f64, will_do: impl Fn(f64) -> bool) -> Option<f64> {
+pub(crate) fn shortest(near: f64, will_do: impl Fn(f64) -> bool) -> Option<f64> {
     let candidates = [near, near.next_down(), near.next_up()];
     candidates.into_iter().filter(|c| will_do(*c)).min_by_key(|c| number(*c).len())
 }

@@ -12,7 +12,9 @@ use petzval_base::FileError;
 use petzval_files::{Expect, Expected, ExpectedSpots, LensFile, parse_lens, parse_lens_start, write_lens};
 use petzval_optics::design_space::{EflSolve, MagnificationSolve, Pickup, Variable};
 use petzval_optics::glass::{Catalog, Dispersion, Glass};
-use petzval_optics::lens::{LensDefect, ObjectDistance, Surface, SurfaceShape, validate, xy_index};
+use petzval_optics::lens::{
+    Axis, LensDefect, ObjectDistance, Placement, Surface, SurfaceShape, validate, xy_index,
+};
 use petzval_optics::number::Number;
 use petzval_optics::paraxial::first_order;
 
@@ -302,6 +304,40 @@ fn tilts_are_variables_in_degrees() {
     assert_eq!(again.variables, file.variables);
     assert_eq!(again.lens, file.lens);
     assert!(with(-1.0, 1.0).unwrap_err().message.contains("outside its bounds"));
+    // The offset of a pickup is an angle as well: 0.5 degrees, whatever the factor.
+    let follower = "label = \"V2 rear\"\nplacement = { tilt_deg = [0.0, 2.0, 0.0] }";
+    let pickup = "[[pickup]]\nsurface = 4\nparameter = \"tilt_y_deg\"\nfollows = 3\noffset = 0.5\n\n";
+    let variable = "[[variable]]\nsurface = 3\nparameter = \"tilt_y_deg\"\nmin = -2.0\nmax = 2.0\n\n";
+    let text = text.replace("label = \"V2 rear\"", follower);
+    let at = text.find("[[variable]]").unwrap();
+    let file = parse_lens(&format!("{}{variable}{pickup}{}", &text[..at], &text[at..]), &catalog()).unwrap();
+    assert_eq!(file.pickups[0].offset, 0.5_f64.to_radians());
+    let written = write_lens(&file);
+    assert!(written.contains("\noffset = 0.5\n"), "{written}");
+    assert_eq!(parse_lens(&written, &catalog()).unwrap().pickups, file.pickups);
+}
+
+/// A pickup that gives a number another value than the file is named with its line and both values.
+#[test]
+fn pickups_that_contradict_the_file_are_named() {
+    let text = nominal();
+    let with = |scale: &str| {
+        let pickup =
+            format!("[[pickup]]\nsurface = 1\nparameter = \"thickness_mm\"\nfollows = 2\n{scale}\n\n");
+        let at = text.find("[solve]").unwrap();
+        let line = 2 + text[..at].matches('\n').count();
+        let text = format!("{}{pickup}{}", &text[..at], &text[at..]);
+        (parse_lens_start(&text, &catalog()).unwrap(), line)
+    };
+    let (import, line) = with("scale = 0.5");
+    let said: Vec<String> = import.losses.iter().map(ToString::to_string).collect();
+    let wanted = "thickness_mm of surface 1 is 4.014 in the file, and its pickup makes it 4.055: optimisations and designs begin with";
+    assert!(
+        said.len() == 1 && said[0].starts_with(&format!("line {line}: `[[pickup]]`: {wanted}")),
+        "{said:?}"
+    );
+    // A number that is rounded as tables round it contradicts nothing.
+    assert!(with("offset = -4.0960001").0.losses.is_empty());
 }
 
 /// Errors of special surfaces name their line.
@@ -540,6 +576,23 @@ fn impossible_lenses_are_named() {
     assert!(matches!(thin, LensDefect::CentreThickness { surface: 3, thickness_mm: -0.1, .. }), "{thin}");
     let sharp = with(&|l| l.surfaces[5].thickness_mm = 0.5);
     assert!(matches!(sharp, LensDefect::EdgeThickness { surface: 6, .. }), "{sharp}");
+
+    // A meniscus of even thickness keeps it where the axis follows its decentre; where the axis returns, its rear stands beside it.
+    let meniscus = |axis: Axis| {
+        let mut lens = lens.clone();
+        lens.surfaces.truncate(2);
+        for (surface, thickness_mm) in lens.surfaces.iter_mut().zip([1.0, 100.0]) {
+            surface.shape = SurfaceShape { curvature: 0.05, ..SurfaceShape::PLANE };
+            (surface.thickness_mm, surface.semi_diameter_mm) = (thickness_mm, 8.0);
+        }
+        let decenter_mm = [0.0, 5.0];
+        lens.surfaces[0].placement = Some(Placement { decenter_mm, axis, ..Placement::default() });
+        lens.stop = 0;
+        validate(&lens)
+    };
+    assert_eq!(meniscus(Axis::Follows), Ok(()));
+    let beside = meniscus(Axis::Returns).unwrap_err();
+    assert!(matches!(beside, LensDefect::EdgeThickness { surface: 1, .. }), "{beside}");
 
     // S2 sags towards V2 by 0.95 mm at V2's edge, and V2 comes to meet it with 0.26 mm.
     let crossing = with(&|l| l.surfaces[1].thickness_mm = 1.0);

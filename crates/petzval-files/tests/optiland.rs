@@ -232,6 +232,25 @@ fn older_and_newer_layouts_are_the_same_lens() {
     }
 }
 
+/// Fields have weights, as they have in files of other programs; without a weight a field counts 1.
+#[test]
+fn fields_have_weights() {
+    let weighted = |field: &str, weight: &str| {
+        let text = changed(&singlet(), field, &format!("{field}, \"weight\": {weight}"));
+        read(&changed(&text, r#""pickups": []"#, r#""ray_tracer": {"ray_aiming_config": {}}, "pickups": []"#))
+    };
+    let import = weighted(r#""y": 5"#, "0.25");
+    assert_eq!((&import.file.field_weights[..], losses(&import)), (&[1.0, 0.25][..], vec![]));
+    assert!(weighted(r#""y": 5"#, "1.0").file.field_weights.is_empty());
+    let import = weighted(r#""y": 5"#, "-1");
+    assert!(
+        losses(&import)[0].starts_with("line 4: `weight`: weights of fields below 0"),
+        "{:?}",
+        losses(&import)
+    );
+    assert!(import.file.field_weights.is_empty());
+}
+
 #[test]
 fn what_is_lost_is_named_with_its_line() {
     let text = singlet();
@@ -261,6 +280,7 @@ fn what_is_lost_is_named_with_its_line() {
             r#""vx": 0.1"#,
             "line 4: `vx, vy`: vignetting factors are not read: clear semi-diameters vignette the beam",
         ),
+        (r#""vx": 0.0"#, r#""vx": 0.0, "vz": 1"#, "line 4: `vz`: this key is not understood"),
         (r#""radius": 50,"#, r#""radius": 50, "bumps": 3,"#, "line 11: `bumps`: this key is not understood"),
         (
             &glass("schott", "N-BK7"),

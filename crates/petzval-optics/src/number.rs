@@ -113,8 +113,7 @@ impl Number {
     pub fn stated(self, value: f64) -> f64 {
         match self {
             Self::Curvature => 1.0 / value,
-            Self::Tilt(_) => value.to_degrees(),
-            _ => value,
+            _ => self.stated_difference(value),
         }
     }
 
@@ -122,6 +121,22 @@ impl Number {
     pub fn from_stated(self, stated: f64) -> f64 {
         match self {
             Self::Curvature => 1.0 / stated,
+            _ => self.from_stated_difference(stated),
+        }
+    }
+
+    /// A difference of two values as users state it, such as the offset of a pickup: of tilts in degrees, any other as it is. Radii differ by
+    /// their curvatures, 1/mm.
+    pub fn stated_difference(self, difference: f64) -> f64 {
+        match self {
+            Self::Tilt(_) => difference.to_degrees(),
+            _ => difference,
+        }
+    }
+
+    /// The inverse of [`Number::stated_difference`].
+    pub fn from_stated_difference(self, stated: f64) -> f64 {
+        match self {
             Self::Tilt(_) => stated.to_radians(),
             _ => stated,
         }

@@ -17,11 +17,16 @@ impl Break {
         self.decenter_mm == [0.0; 2] && self.tilt_rad == [0.0; 3]
     }
 
-    /// Whether shift and rotations have the order of a placement, or their order makes no difference.
-    fn is_placement(&self) -> bool {
+    /// Whether the order of shift and rotations makes no difference: it is a shift alone, or one rotation.
+    fn has_no_order(&self) -> bool {
         let shifts = self.decenter_mm != [0.0; 2];
         let turns = self.tilt_rad.iter().filter(|t| **t != 0.0).count();
-        !self.tilt_first || turns == 0 || (turns == 1 && !shifts)
+        turns == 0 || (turns == 1 && !shifts)
+    }
+
+    /// Whether shift and rotations have the order of a placement.
+    fn is_placement(&self) -> bool {
+        !self.tilt_first || self.has_no_order()
     }
 
     fn placement(&self) -> Placement {
@@ -31,7 +36,7 @@ impl Break {
 
 /// Whether a break returns the axis to its position before a placement.
 fn undoes(b: &Break, placed: &Placement) -> bool {
-    b.tilt_first
+    (b.tilt_first || b.has_no_order())
         && b.decenter_mm == placed.decenter_mm.map(|v| -v)
         && b.tilt_rad == placed.tilt_rad.map(|v| -v)
 }
@@ -46,8 +51,7 @@ pub(crate) fn undone(placed: &Placement) -> ([f64; 2], [f64; 3]) {
 /// With the mirror's rotation R and D = diag(-1, -1, 1), the axis behind the mirror is rotated by `D R^T D` relative to it.
 fn bends(b: &Break, placed: &Placement) -> bool {
     let [x, y, z] = placed.tilt_rad;
-    let turns = [x, y, z].iter().filter(|t| **t != 0.0).count();
-    b.decenter_mm == [0.0; 2] && b.tilt_rad == [x, y, -z] && (b.tilt_first || turns == 1)
+    b.decenter_mm == [0.0; 2] && b.tilt_rad == [x, y, -z] && (b.tilt_first || b.has_no_order())
 }
 
 /// Whether a bend of the axis at a mirror can be written with one angle: a single rotation about x or y.

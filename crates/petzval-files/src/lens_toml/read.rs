@@ -4,13 +4,14 @@ use std::ops::Range;
 
 use super::parameter::{CURVATURE, parameters};
 use super::text::{
-    ExpectText, ExpectedText, FieldsText, LensText, Placed, SolveText, SurfaceText, VariableText,
+    ExpectText, ExpectedText, FieldsText, LensText, PickupText, Placed, SolveText, SurfaceText, VariableText,
     WavelengthsText,
 };
 use super::{Expect, Expected, ExpectedSpots, LensFile};
 use crate::draft::{Import, is_exactly_telecentric, with_open_surfaces, with_stop_beside_focus};
 use crate::field_weights::{WeightFault, uneven_weights};
 use crate::glass_toml::read_glasses;
+use crate::loss::{Effect, Loss};
 use crate::spanned::Spanned;
 use crate::wavelength::{OPTICAL_UM, wavelength_hint, wavelength_message};
 use petzval_base::FileError;
@@ -23,6 +24,9 @@ use petzval_optics::solve::with_length;
 
 /// Default reference wavelength, the helium d line, um.
 const DEFAULT_REFERENCE_UM: f64 = 0.5876;
+
+/// Two numbers are the same up to this share: files have rounded ones.
+const SAME_NUMBER: f64 = 1e-6;
 
 /// Adds what to write to an error of which the reader of TOML knows only that a key is missing, or its value of another type.
 fn with_hint(error: FileError) -> FileError {
@@ -79,7 +83,7 @@ pub fn parse_lens_start(text: &str, catalog: &Catalog) -> Result<Import, FileErr
     reader.check_entrance_pupil(&lens, &file)?;
     let is_open = |i: &usize| file.surface[*i].get_ref().semi_diameter_mm.is_none();
     let open: Vec<usize> = (0..file.surface.len()).filter(is_open).collect();
-    let (lens, losses, flaw) =
+    let (lens, mut losses, flaw) =
         with_open_surfaces(&lens, &open).map_err(|defect| reader.defect(&defect, &file))?;
     let unbuildable = flaw.map(|defect| reader.defect(&defect, &file));
 
@@ -94,6 +98,7 @@ pub fn parse_lens_start(text: &str, catalog: &Catalog) -> Result<Import, FileErr
         variables,
         lens,
     };
+    losses.extend(reader.contradicting_pickups(&file, &lens_file));
     Ok(Import { file: lens_file, open, losses, unbuildable })
 }
 
@@ -410,10 +415,40 @@ impl Reader<'_> {
                 text.as_ref().map_or(Ok(default), |value| self.finite(key, value))
             };
             let scale = factor("scale", &text.scale, 1.0)?;
-            let offset = factor("offset", &text.offset, 0.0)?;
+            let offset = number.from_stated_difference(factor("offset", &text.offset, 0.0)?);
             pickups.push(Pickup { surface, variable, scale, offset });
         }
         Ok(pickups)
+    }
+
+    /// Pickups that give a number another value than the file does: both are possible, and one counts.
+    fn contradicting_pickups(&self, file: &LensText, read: &LensFile) -> Vec<Loss> {
+        let contradicting = |(text, pickup): (&PickupText, &Pickup)| {
+            let Pickup { surface, variable, scale, offset } = *pickup;
+            let Variable { surface: followed, number, .. } = read.variables[variable];
+            let [own, followed] = [surface, followed].map(|i| number.read(&read.lens, i));
+            let picked = scale * followed + offset;
+            let size = [own, scale * followed, offset].into_iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+            if (own - picked).abs() <= SAME_NUMBER * size {
+                return None;
+            }
+            let name = text.parameter.get_ref();
+            let (own, picked) = (number.stated(own), number.stated(picked));
+            let message = format!(
+                "{name} of surface {} is {own} in the file, and its pickup makes it {picked}: optimisations and designs begin with the pickup's, everything \
+                 else has the number of the file",
+                surface + 1
+            );
+            let line = self.error("", text.surface.span(), "").line;
+            Some(Loss {
+                line,
+                record: "[[pickup]]".to_owned(),
+                effect: Effect::Approximated,
+                message,
+                more: 0,
+            })
+        };
+        file.pickup.iter().zip(&read.pickups).filter_map(contradicting).collect()
     }
 
     fn length_solve(

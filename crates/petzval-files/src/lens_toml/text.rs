@@ -280,7 +280,7 @@ pub(super) struct PickupText {
     pub parameter: Spanned<String>,
     /// Factor; 1 if it is left out.
     pub scale: Option<Placed>,
-    /// Added after the factor; 0 if it is left out.
+    /// Added after the factor, in the unit of the number; 0 if it is left out.
     pub offset: Option<Placed>,
 }
 

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use super::parameter::{CURVATURE, parameter_name};
 use super::{Expected, LensFile};
 use crate::glass_toml::write_glass;
-use crate::toml_number::{exact_degrees, exact_reciprocal, number, numbers, quoted};
+use crate::toml_number::{exact_degrees, exact_reciprocal, number, numbers, quoted, shortest};
 use petzval_optics::glass::Glass;
 use petzval_optics::lens::{
     Action, Axis, Departure, Lens, ObjectDistance, Pattern, Phase, Placement, Surface, xy_powers,
@@ -66,7 +66,11 @@ fn write(file: &LensFile, out: &mut String) -> std::fmt::Result {
         let parameter = parameter_name(&lens.surfaces[followed.surface], followed.number);
         writeln!(out, "\n[[pickup]]\nsurface = {}\nfollows = {}", p.surface + 1, followed.surface + 1)?;
         writeln!(out, "parameter = {}", quoted(&parameter))?;
-        writeln!(out, "scale = {}\noffset = {}", number(p.scale), number(p.offset))?;
+        // The nearest number need not read back as the same bits: look for one that does.
+        let offset = followed.number.stated_difference(p.offset);
+        let reads_back = |o: f64| followed.number.from_stated_difference(o).to_bits() == p.offset.to_bits();
+        let offset = shortest(offset, reads_back).unwrap_or(offset);
+        writeln!(out, "scale = {}\noffset = {}", number(p.scale), number(offset))?;
     }
     if file.efl_solve.is_some() || file.magnification_solve.is_some() || file.length_solve.is_some() {
         writeln!(out, "\n[solve]")?;

@@ -10,7 +10,7 @@ use crate::draft::{Draft, Import, Item, MOST_SURFACES, check_size};
 use crate::loss::{Effect, Losses};
 use crate::yaml;
 
-/// Keys of a file.
+/// Keys of a file. How the program aims its rays (`ray_tracer`) is no property of the lens.
 const KEYS: &[&str] = &[
     "version",
     "name",
@@ -21,6 +21,7 @@ const KEYS: &[&str] = &[
     "pickups",
     "solves",
     "surface_group",
+    "ray_tracer",
 ];
 
 /// Reads a lens file. Glasses are looked up in `catalog` by name and maker.

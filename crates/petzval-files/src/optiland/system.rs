@@ -7,6 +7,12 @@ use crate::decimal::{shifted, shown};
 use crate::draft::{Aperture, FieldKind, Fields, MOST_VALUES, Record, Wavelengths};
 use crate::loss::{Effect, Losses};
 
+/// Keys of a field.
+const FIELD_KEYS: &[&str] = &["field_type", "x", "y", "vx", "vy", "weight"];
+
+/// Keys of a wavelength.
+const WAVELENGTH_KEYS: &[&str] = &["value", "is_primary", "unit", "weight"];
+
 /// The aperture. The program's image-space f-number is the focal length over the entrance pupil, whatever the conjugates; the stop's size is
 /// a diameter.
 pub(super) fn aperture(root: &Object<'_>) -> Result<(Aperture, Record), FileError> {
@@ -53,9 +59,10 @@ pub(super) fn fields(root: &Object<'_>, losses: &mut Losses) -> Result<Fields, F
     if listed.len() > MOST_VALUES {
         return Err(group.error("fields", format!("a lens with more than {MOST_VALUES} fields is not read")));
     }
-    let mut points = Vec::new();
+    let (mut points, mut weights) = (Vec::new(), Vec::new());
     for node in listed {
         let field = Object::new(node, "fields")?;
+        field.report_others(FIELD_KEYS, losses);
         let of = |key: &str| field.number(key).map(|value| value.unwrap_or(0.0));
         let point = [of("x")?, of("y")?];
         if point.iter().any(|v| !v.is_finite()) {
@@ -66,12 +73,15 @@ pub(super) fn fields(root: &Object<'_>, losses: &mut Losses) -> Result<Fields, F
             losses.add(field.line("vx"), "vx, vy", Effect::Approximated, message);
         }
         points.push(point);
+        weights.push(field.number("weight")?.unwrap_or(1.0));
     }
     if points.is_empty() {
         losses.assume("the file gives no fields; the axis is the only one");
         points.push([0.0; 2]);
     }
-    Ok(Fields { kind, points, record: group.record("fields"), telecentric, weights: None })
+    let record = group.record("fields");
+    let weights = Some((weights, Record::new(group.line("fields"), "weight")));
+    Ok(Fields { kind, points, record, telecentric, weights })
 }
 
 /// The record by which an object of the file calls the lens telecentric.
@@ -97,6 +107,7 @@ pub(super) fn wavelengths(root: &Object<'_>, losses: &mut Losses) -> Result<(Wav
     let (mut list, mut primary) = (Vec::new(), 0);
     for (i, node) in listed.iter().enumerate() {
         let wave = Object::new(node, "wavelengths")?;
+        wave.report_others(WAVELENGTH_KEYS, losses);
         let power = match wave.text("unit")?.unwrap_or("um").to_lowercase().as_str() {
             "nm" => -3,
             "um" => 0,

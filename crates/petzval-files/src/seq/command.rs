@@ -72,9 +72,20 @@ impl Command {
         }
     }
 
-    /// Whether the only value is `N` or `NO`.
-    pub fn says_no(&self) -> bool {
-        matches!(&self.words[..], [no] if no.text.eq_ignore_ascii_case("N") || no.text.eq_ignore_ascii_case("NO"))
+    /// Whether a command that switches something on does so: alone or with `Y` or `YES` it does, with `N` or `NO` it does not. Fails with any other
+    /// word.
+    pub fn says_yes(&self) -> Result<bool, FileError> {
+        let is =
+            |names: [&str; 2], word: &Word| names.iter().any(|name| word.text.eq_ignore_ascii_case(name));
+        match &self.words[..] {
+            [] => Ok(true),
+            [yes] if is(["Y", "YES"], yes) => Ok(true),
+            [no] if is(["N", "NO"], no) => Ok(false),
+            _ => {
+                let error = self.error(format!("{} says yes or no", self.full));
+                Err(error.hint(format!("write {0} Y or {0} N", self.full)))
+            }
+        }
     }
 
     /// All values as finite numbers. Fails if there are more than `most`.

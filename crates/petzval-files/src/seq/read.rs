@@ -114,7 +114,7 @@ impl Reader {
         match command.name.as_str() {
             "PRV" => self.in_private = true,
             "END" => self.in_private = false,
-            "RDM" => self.radius_mode = Some(!command.word(0).is_some_and(|w| w.eq_ignore_ascii_case("N"))),
+            "RDM" => self.radius_mode = Some(command.says_yes()?),
             "STO" => {
                 let (surface, _) = self.target(command)?;
                 if let Some((earlier, record)) = &self.stop

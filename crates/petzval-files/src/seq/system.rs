@@ -80,7 +80,7 @@ impl System {
                 lose(Effect::Approximated, "glass has its index at 760 mm of mercury");
             }
             "TEM" | "PRE" => {}
-            "TEL" | "AFO" if command.says_no() => {}
+            "TEL" | "AFO" if !command.says_yes()? => {}
             "TEL" => self.telecentric = Some(command.record.clone()),
             "AFO" => lose(Effect::Approximated, "afocal: the image plane stays where the file places it"),
             _ => return Ok(false),

@@ -70,13 +70,108 @@ fn reverse_breaks_undo_plain_ones() {
     }
 }
 
+/// A lens of CODE V with these surfaces after the first.
+fn with_surfaces(surfaces: &str) -> Lens {
+    let text = format!("RDM;LEN\nEPD 2\nDIM M\nWL 587.6\nYAN 0\nSO 0 1e14\nS 0 10\n STO\n{surfaces}SI 0 0\n");
+    seq(&text).file.lens
+}
+
+/// Where rays of two fields land, mm; no edge clips them.
+fn landings(lens: &Lens) -> Vec<[f64; 3]> {
+    let mut lens = lens.clone();
+    lens.surfaces.iter_mut().for_each(|surface| surface.semi_diameter_mm = 100.0);
+    let sequence = lens.at_wavelength(0.5876);
+    let rays = [(0.0, [0.0; 2]), (0.0, [0.7, -0.6]), (0.02, [-0.5, 0.8])];
+    let land = |(field, at)| trace_ray(&sequence, launch(&sequence, field, at).ray).image.unwrap().position;
+    rays.into_iter().map(land).collect()
+}
+
+/// An off-axis parabola behind a break that only shifts the axis, with the axis put back by a break of any order, in part, or by a dummy of
+/// CODE V: rays parallel to the axis meet in the focus, which stays where the parabola has it.
+#[test]
+fn shifts_of_the_axis_are_put_back_in_any_order() {
+    let parabola = "SURF 2\n TYPE COORDBRK\n PARM 2 -40\n DISZ 0\nSURF 3\n CURV -0.0025\n CONI -1\n GLAS MIRROR\n DISZ 0\n";
+    let behind =
+        |back: &str| with_breaks(&format!("{parabola}SURF 4\n TYPE COORDBRK\n{back} DISZ -200\nSURF 5\n"));
+    let dummy = with_surfaces("S -400 0 REFL\n K -1\n YDE -40\nS 0 -200\n YDE 40\n");
+    for (lens, surfaces, focus_mm) in [
+        (behind(" PARM 2 40\n"), 2, -40.0),
+        (behind(" PARM 2 40\n PARM 6 1\n"), 2, -40.0),
+        (behind(" PARM 2 39\n PARM 6 1\n"), 3, -39.0),
+        (behind(" PARM 2 39\n"), 3, -39.0),
+        (dummy, 3, -40.0),
+    ] {
+        assert_eq!(lens.surfaces.len(), surfaces);
+        for [x, y, z] in &landings(&lens)[..2] {
+            let off = [*x, y - focus_mm, *z];
+            assert!(off.iter().all(|v| v.abs() < 1e-11), "{focus_mm}: {off:?}");
+        }
+    }
+}
+
+/// Planes that only shift the axis cross no element beside them. A shift behind a rotation by an angle a is a shift by its cosine in front of it,
+/// and a distance by its sine.
+#[test]
+fn planes_that_shift_the_axis_are_no_walls() {
+    let broken = |shift: f64, turn: f64, order: u32| {
+        format!(" TYPE COORDBRK\n PARM 2 {shift:?}\n PARM 3 {turn:?}\n PARM 6 {order}\n")
+    };
+    let glass = " GLAS N-BK7 0 0 1.5168 64.17\n";
+    let decentred = |order: u32| {
+        format!(
+            "SURF 2\n{} DISZ 0\nSURF 3\n CURV 0.03\n DISZ 3\n{glass}SURF 4\n CURV 0.015\n DISZ 0\nSURF 5\n{} DISZ 80\nSURF 6\n",
+            broken(-1.5, 0.0, order),
+            broken(1.5, 0.0, order)
+        )
+    };
+    // A break of the second order, and what it is in the first, in front of the same surfaces.
+    let turned = |shift: f64, turn: f64, behind: &str| {
+        let (sin, cos) = turn.to_radians().sin_cos();
+        let second = format!("SURF 2\n{} DISZ 0\n{behind}", broken(shift, turn, 1));
+        let first = format!(
+            "SURF 2\n DISZ {:?}\nSURF 3\n{} DISZ 0\n{behind}",
+            shift * sin,
+            broken(shift * cos, turn, 0)
+        );
+        [second, first].map(|text| with_breaks(&text))
+    };
+    let concave = format!("SURF 4\n CURV -0.03\n DISZ 3\n{glass}SURF 5\n CURV -0.05\n DISZ 80\nSURF 6\n");
+    let mirror = "SURF 4\n CURV -0.0025\n CONI -1\n GLAS MIRROR\n DISZ -200\nSURF 5\n";
+    let (sin, cos) = 5_f64.to_radians().sin_cos();
+    let folded = format!(
+        "SURF 2\n TYPE COORDBRK\n PARM 3 -20\n DISZ 0\nSURF 3\n GLAS MIRROR\n DISZ 0\nSURF 4\n TYPE COORDBRK\n PARM 3 -20\n DISZ {:?}\n\
+         SURF 5\n{} DISZ 0\nSURF 6\n CURV 0.02\n DISZ -5\n{glass}SURF 7\n CURV -0.015\n DISZ -30\nSURF 8\n",
+        -10.0 - sin,
+        broken(-cos, 5.0, 0)
+    );
+    let straight = format!("SURF 2\n CURV 0.03\n DISZ 3\n{glass}SURF 3\n CURV 0.015\n DISZ 80\nSURF 4\n");
+    let mut twin = with_breaks(&straight);
+    for surface in &mut twin.surfaces[1..] {
+        surface.placement = Some(Placement { decenter_mm: [0.0, -1.5], ..Placement::default() });
+    }
+    let stabilised = with_surfaces(
+        "S 0 0\n YDE -1.5\nS 33.333333333333336 3 NBK7_SCHOTT\nS 66.66666666666667 0\nS 0 80\n YDE 1.5\n",
+    );
+    let reversed = with_surfaces(
+        "S 0 -10 REFL\n ADE 20; BEN\nS 0 0\n ADE 5; YDE 1; REV\nS 50 -5 NBK7_SCHOTT\nS -66.66666666666667 -30\n",
+    );
+    for [one, other] in [
+        [with_breaks(&decentred(0)), twin.clone()],
+        [with_breaks(&decentred(1)), twin.clone()],
+        [stabilised, twin],
+        turned(1.0, 4.0, &concave),
+        turned(-40.0, 2.0, mirror),
+        [reversed, with_breaks(&folded)],
+    ] {
+        for (a, b) in landings(&one).iter().zip(landings(&other)) {
+            assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-11), "{a:?} {b:?}");
+        }
+    }
+}
+
 #[test]
 fn decentred_surfaces_of_code_v() {
-    let lens = |surfaces: &str| {
-        seq(&format!("RDM;LEN\nEPD 2\nDIM M\nWL 587.6\nYAN 0\nSO 0 1e14\nS 0 10\n STO\n{surfaces}SI 0 0\n"))
-            .file
-            .lens
-    };
+    let lens = with_surfaces;
     let placed = |lens: &Lens, i: usize| lens.surfaces[i].placement.unwrap();
     let basic = lens("S 0 30\n XDE 0.1; YDE 0.2; ZDE 1.5\n ADE 20; BDE 10; CDE 5\n");
     // Rotations about x and y are left-handed; a shift along the axis lengthens the distance in front.

@@ -128,6 +128,8 @@ fn records_that_cannot_be_traced_are_refused_with_their_line() {
         ("WL 587.6", "WL 0.5876", &["line 5", "not optical"]),
         ("WL 587.6", "WL 587.6; REF 2", &["line 5: `REF 2`", "no wavelength 2"]),
         ("WL 587.6", "WL 587.6; TEL Y", &["line 5: `TEL Y`", "telecentric"]),
+        ("WL 587.6", "WL 587.6; TEL 0", &["line 5: `TEL 0`", "TEL says yes or no", "TEL N"]),
+        ("RDM", "RDM OFF", &["line 1: `RDM OFF`", "RDM says yes or no", "write RDM Y or RDM N"]),
         ("SI 0 0", "SI 50 0", &["line 12: `SI 50 0`", "curved image"]),
         ("SI 0 0\n", "", &["no object, surface and image"]),
         ("SO 0.0 0.1e14\n", "", &["line 7: `S 50 4 NBK7_SCHOTT`", "SO"]),

@@ -140,7 +140,13 @@ fn answers_infinities_and_quotes_of_code_v() {
         let (a, b) = (seq(&changed(SEQ, from, to)), seq(SEQ));
         assert_eq!((a.file.lens, a.losses.len()), (b.file.lens, 0), "{to}");
     };
-    same("EPD 10", "EPD 10; TEL N; AFO N");
+    same("EPD 10", "EPD 10; TEL N; AFO no");
+    same("RDM;LEN", "RDM YES;LEN");
+    // With any word for no the numbers are curvatures.
+    for no in ["N", "no", "NO"] {
+        let text = changed(&changed(SEQ, "RDM", &format!("RDM {no}")), "S 50 4", "S 0.02 4");
+        assert_eq!(seq(&text).file.lens.surfaces[0].shape.curvature, 0.02, "{no}");
+    }
     same("SI 0 0", "RDY INF\nSI 0 0");
     same("SO 0.0 0.1e14", "SO 0.0 100\n THI INF");
     same("SO 0.0 0.1e14", "SO INF INF");

@@ -178,7 +178,7 @@ pub enum SettledBy {
         of: usize,
         /// Factor.
         scale: f64,
-        /// Offset.
+        /// Offset in the unit of the number; of radii in 1/mm, of tilts in degrees.
         offset: f64,
     },
     /// The focal length that it holds.
@@ -427,7 +427,8 @@ fn settled(i: usize, s: &Surface, file: &LensFile) -> Vec<Settled> {
     let followers = file.pickups.iter().filter(|p| p.surface == i);
     let pickups = followers.map(|p| {
         let followed = &file.variables[p.variable];
-        let by = SettledBy::Pickup { of: followed.surface + 1, scale: p.scale, offset: p.offset };
+        let offset = followed.number.stated_difference(p.offset);
+        let by = SettledBy::Pickup { of: followed.surface + 1, scale: p.scale, offset };
         settled(followed.number, by)
     });
     let efl = file.efl_solve.filter(|solve| solve.surface == i);

@@ -81,7 +81,7 @@ pub struct Pickup {
     pub variable: usize,
     /// Factor. Radii follow as curvatures, and tilts in radians.
     pub scale: f64,
-    /// Offset.
+    /// Offset in the unit of the number in the lens: of radii in 1/mm, of tilts in rad.
     pub offset: f64,
 }
 

@@ -89,26 +89,52 @@ impl LensDefect {
 pub fn validate(lens: &Lens) -> Result<(), LensDefect> {
     traceable(lens)?;
     let solid = solid(lens);
-    for (i, surface) in &solid {
-        if lens.goes_against_the_light(*i) {
+    for Solid { index, surface, .. } in &solid {
+        if lens.goes_against_the_light(*index) {
             let (medium, thickness_mm) = (surface.glass.name.clone(), surface.thickness_mm);
-            return Err(LensDefect::CentreThickness { surface: i + 1, medium, thickness_mm });
+            return Err(LensDefect::CentreThickness { surface: index + 1, medium, thickness_mm });
         }
     }
     for pair in solid.windows(2) {
-        let [(i, front), (j, back)] = pair else { continue };
+        let [front, back] = pair else { continue };
         // The distance between surfaces that are turned against each other is no question of their sags.
-        if is_straight(front) && is_straight(back) {
-            check_gap([i + 1, j + 1], front, back, lens.light_goes_forwards(*i))?;
+        if is_straight(&front.surface) && is_straight(&back.surface) {
+            check_gap(front, back, lens.light_goes_forwards(front.index))?;
         }
     }
     Ok(())
 }
 
-/// The surfaces with their indices, without planes that do nothing to light: these are no things, and the distances on both sides are joined.
-fn solid(lens: &Lens) -> Vec<(usize, Surface)> {
-    let real = (0..lens.surfaces.len()).filter(|i| !lens.is_idle_plane(*i));
-    real.map(|i| (i, Surface { thickness_mm: lens.gap_behind_mm(i), ..lens.surfaces[i].clone() })).collect()
+/// A surface that glass or a mirror could run into. Two neighbours that are not turned have their points across the axis in the same coordinates.
+struct Solid {
+    /// From 0.
+    index: usize,
+    /// With the whole distance to the next one.
+    surface: Surface,
+    /// Where the axis in front of it lies, mm.
+    axis_mm: [f64; 2],
+    /// Where its vertex lies, mm.
+    vertex_mm: [f64; 2],
+}
+
+/// The surfaces without planes that do nothing to light: these are no things, and the distances on both sides are joined.
+fn solid(lens: &Lens) -> Vec<Solid> {
+    let mut solid = Vec::with_capacity(lens.surfaces.len());
+    let mut axis_mm = [0.0; 2];
+    for (index, surface) in lens.surfaces.iter().enumerate() {
+        let placement = surface.placement.unwrap_or_default();
+        let [dx, dy] = placement.decenter_mm;
+        let vertex_mm = [axis_mm[0] + dx, axis_mm[1] + dy];
+        if !lens.is_idle_plane(index) {
+            let surface = Surface { thickness_mm: lens.gap_behind_mm(index), ..surface.clone() };
+            solid.push(Solid { index, surface, axis_mm, vertex_mm });
+        }
+        // Behind the surface the axis goes on where it was, or from the vertex.
+        if placement.axis != Axis::Returns {
+            axis_mm = vertex_mm;
+        }
+    }
+    solid
 }
 
 /// Checks that every number of a lens has a meaning. Its surfaces may still cross and its glass be thinner than nothing, which is enough to begin an
@@ -151,9 +177,11 @@ pub(crate) fn azimuths(surfaces: &[&Surface]) -> Vec<[f64; 2]> {
     let round = |s: &&Surface| {
         s.shape.is_rotationally_symmetric() && s.placement.is_none_or(|p| p.decenter_mm == [0.0; 2])
     };
-    if surfaces.iter().all(round) {
-        return vec![[0.0, 1.0]];
-    }
+    if surfaces.iter().all(round) { vec![[0.0, 1.0]] } else { all_azimuths() }
+}
+
+/// Directions across the axis, evenly around it.
+fn all_azimuths() -> Vec<[f64; 2]> {
     let turn = |k: usize| (k as f64 / AZIMUTHS as f64 * std::f64::consts::TAU).sin_cos();
     (0..AZIMUTHS).map(turn).map(|(sin, cos)| [sin, cos]).collect()
 }
@@ -253,42 +281,47 @@ fn check_special(number: usize, surface: &Surface) -> Result<(), LensDefect> {
     }
 }
 
-/// Measure the distance between two surfaces from the axis outwards.
+/// Measures the distance between two surfaces over the clear apertures.
 ///
 /// An element needs glass up to the larger of its two clear semi-diameters. Across air the smaller
 /// one counts, since beyond it there is a mount and no surface.
-fn check_gap(
-    [surface, next]: [usize; 2],
-    front: &Surface,
-    back: &Surface,
-    forwards: bool,
-) -> Result<(), LensDefect> {
-    let (a, b) = (front.semi_diameter_mm, back.semi_diameter_mm);
-    let edge_mm = if front.glass.is_air() { a.min(b) } else { a.max(b) };
-    for (direction, i) in azimuths(&[front, back]).iter().flat_map(|d| (1..=HEIGHTS).map(move |i| (d, i))) {
-        let height_mm = edge_mm * i as f64 / HEIGHTS as f64;
-        let at = direction.map(|v| v * height_mm);
-        let along_z = front.thickness_mm + rim_sag_mm(back, at) - rim_sag_mm(front, at);
+fn check_gap(front: &Solid, back: &Solid, forwards: bool) -> Result<(), LensDefect> {
+    let is_air = front.surface.glass.is_air();
+    let [a, b] = [front, back].map(|s| s.surface.semi_diameter_mm);
+    let by_back = if is_air { b < a } else { b > a };
+    let (measured, other) = if by_back { (back, front) } else { (front, back) };
+    let is_concentric = front.vertex_mm == back.vertex_mm;
+    let directions = if is_concentric { azimuths(&[&front.surface, &back.surface]) } else { all_azimuths() };
+    for (direction, i) in directions.iter().flat_map(|d| (1..=HEIGHTS).map(move |i| (d, i))) {
+        let from_vertex_mm = measured.surface.semi_diameter_mm * i as f64 / HEIGHTS as f64;
+        let at_mm = [0, 1].map(|k| measured.vertex_mm[k] + direction[k] * from_vertex_mm);
+        let from = |origin: [f64; 2]| [at_mm[0] - origin[0], at_mm[1] - origin[1]];
+        let distance_mm = |origin: [f64; 2]| from(origin)[0].hypot(from(origin)[1]);
+        // Of two surfaces across air, a point counts that lies on both.
+        if is_air && !is_concentric && distance_mm(other.vertex_mm) > other.surface.semi_diameter_mm {
+            continue;
+        }
+        let sag_mm = |s: &Solid| rim_sag_mm(&s.surface, from(s.vertex_mm));
+        let along_z = front.surface.thickness_mm + sag_mm(back) - sag_mm(front);
         let gap_mm = if forwards { along_z } else { -along_z };
         // Surfaces that touch are possible, and rounding must not part them.
         if gap_mm >= -1e-9 {
             continue;
         }
-        return Err(if front.glass.is_air() {
-            LensDefect::AirGap { surface, next, gap_mm, height_mm }
+        let (surface, height_mm) = (front.index + 1, distance_mm(front.axis_mm));
+        return Err(if is_air {
+            LensDefect::AirGap { surface, next: back.index + 1, gap_mm, height_mm }
         } else {
-            let glass = front.glass.name.clone();
+            let glass = front.surface.glass.name.clone();
             LensDefect::EdgeThickness { surface, glass, thickness_mm: gap_mm, height_mm }
         });
     }
     Ok(())
 }
 
-/// Sag of a surface at a point across the axis; it goes on as a flat rim where its shape ends beyond its clear edge.
-fn rim_sag_mm(surface: &Surface, [x, y]: [f64; 2]) -> f64 {
-    let [dx, dy] = surface.placement.map_or([0.0; 2], |p| p.decenter_mm);
-    let at = [x - dx, y - dy];
-    let sag = |share: f64| surface.shape.sag_at_mm(at.map(|v| v * share));
-    let radius = at[0].hypot(at[1]);
-    sag(1.0).or_else(|| sag(surface.semi_diameter_mm / radius)).unwrap_or(f64::NAN)
+/// Sag of a surface at a point from its vertex; it goes on as a flat rim where its shape ends beyond its clear edge.
+fn rim_sag_mm(surface: &Surface, at_mm: [f64; 2]) -> f64 {
+    let sag = |share: f64| surface.shape.sag_at_mm(at_mm.map(|v| v * share));
+    let radius_mm = at_mm[0].hypot(at_mm[1]);
+    sag(1.0).or_else(|| sag(surface.semi_diameter_mm / radius_mm)).unwrap_or(f64::NAN)
 }

@@ -266,6 +266,17 @@ fn pickups_and_solves_follow_every_edit_and_stay_in_the_text() {
     let near = edited(&context, &near).unwrap();
     assert!((near["first_order"]["magnification"].as_f64().unwrap() + 0.07).abs() < 1e-9);
     assert_eq!(near["surfaces"][6]["settled"][0]["by"]["magnification"]["magnification"], -0.07);
+    // The offset of a tilt is stated in degrees, and comes back so: 1 and 0.5 are 1.5 degrees.
+    let mut tilted = before["toml"].as_str().unwrap().to_owned();
+    for label in ["label = \"V2 front\"\n", "label = \"V2 rear\"\n"] {
+        tilted = tilted.replace(label, &format!("{label}placement = {{ tilt_deg = [1.0, 0.0, 0.0] }}\n"));
+    }
+    let pickup = json!([{"edit": "pickup", "surface": 4, "parameter": "tilt_x_deg", "of": 3, "offset": 0.5}]);
+    let request = json!({"lens": {"toml": tilted}, "edits": pickup, "parts": ["layout"]});
+    let row = run(&context, "lens-view", &request).unwrap()["surfaces"][3].clone();
+    assert!(row["special"][0].as_str().unwrap().contains("tilt_deg = [1.5, 0.0, 0.0]"), "{row}");
+    let offset_deg = row["settled"][0]["by"]["pickup"]["offset"].as_f64().unwrap();
+    assert!((offset_deg - 0.5).abs() < 1e-15, "{offset_deg}");
 }
 
 #[test]

@@ -507,3 +507,25 @@ fn a_stop_behind_the_front_vertex_stays_there() {
     let best = run_ok(folder.path(), &["lens", "show", "run/best.toml", "--json"]).json();
     assert_eq!(best["surfaces"][0]["thickness_mm"], -0.2);
 }
+
+/// Where a pickup contradicts the number of the file, the start of the table is the lens that the descent begins with, and a warning names both.
+#[test]
+fn the_start_is_the_lens_that_the_descent_begins_with() {
+    let folder = tempfile::tempdir().unwrap();
+    let nominal = read(&data("lenses/cooke-triplet-nominal.toml"));
+    let pickup = "[[pickup]]\nsurface = 1\nparameter = \"thickness_mm\"\nfollows = 2\nscale = 0.5\n\n[solve]";
+    let picked = nominal.replacen("[solve]", pickup, 1);
+    let thick = nominal.replacen("thickness_mm = 4.014", "thickness_mm = 4.055", 1);
+    let start_um = |name: &str, text: &str| {
+        std::fs::write(folder.path().join(name), text).unwrap();
+        let args = ["lens", "optimize", name, "--iterations", "1", "--out", &format!("out-{name}"), "--json"];
+        let done = run_ok(folder.path(), &args);
+        assert_eq!(done.says("its pickup makes it 4.055"), name == "picked.toml", "{}", done.stderr);
+        done.json()["start"]["mean_rms_spot_um"].as_f64().unwrap()
+    };
+    let [picked, thick, nominal] =
+        [("picked.toml", &picked), ("thick.toml", &thick), ("nominal.toml", &nominal)]
+            .map(|(name, text)| start_um(name, text));
+    assert!((picked / thick - 1.0).abs() < 1e-9, "{picked} {thick}");
+    assert!((picked / nominal - 1.0).abs() > 1e-4, "{picked} {nominal}");
+}

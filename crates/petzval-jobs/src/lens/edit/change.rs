@@ -185,7 +185,7 @@ pub enum Edit {
         /// Factor; 1 if it is left out.
         #[serde(default)]
         scale: Option<f64>,
-        /// Offset in the unit of the number, of radii in 1/mm; 0 if it is left out.
+        /// Offset in the unit of the number, of radii in 1/mm, of tilts in degrees; 0 if it is left out.
         #[serde(default)]
         offset: Option<f64>,
     },
@@ -512,7 +512,7 @@ fn follow(
             file.variables.len() - 1
         }
     };
-    file.pickups.push(Pickup { surface, variable, scale, offset });
+    file.pickups.push(Pickup { surface, variable, scale, offset: number.from_stated_difference(offset) });
     Ok(())
 }
 

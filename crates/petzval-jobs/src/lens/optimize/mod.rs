@@ -324,6 +324,9 @@ fn note_held_radius(problem: &Problem, file: &LensFile, goal: &Goal, context: &C
 /// The lens at the start with more rays, its image plane where the spots are least, or the error after restoration: an operand such as a short
 /// track would only defocus it.
 fn at_the_start(problem: &Problem) -> Option<Analysis> {
+    // A search begins with the variables inside their bounds, and with what pickups and solves make of the lens.
+    let begin = problem.space().ok().and_then(|space| space.lens_at(&space.start()).ok());
+    let problem = &Problem { base: begin.unwrap_or_else(|| problem.base.clone()), ..problem.clone() };
     let of_the_picture = problem.goals.iter().filter(|goal| is_restored(goal)).cloned().collect();
     let without_operands =
         Problem { goals: of_the_picture, further: Vec::new(), ..only_image_plane(problem) };
