@@ -141,7 +141,7 @@ pub struct GainInput<'a> {
     pub black_shift_dn: f64,
     /// K_g of each colour, and the part of its error that is no noise, DN/e-.
     pub gains: Vec<(Measured, f64)>,
-    /// Dark series over all pixels.
+    /// Dark series over the pixels that answer light or exposure time.
     pub dark: &'a DarkSeries,
     /// Temporal noise of rows and columns in its dark frames.
     pub line_noise: LineNoise,

@@ -17,7 +17,7 @@
 //! | dark frames over exposure time, and pixel by pixel | [`dark`], [`hot_pixels`] |
 //! | whether pixels differ independently of their neighbours | `neighbours` |
 //! | non-uniformity, spectrograms, profiles, histograms of defects | [`spatial`], [`plane_moments`], [`high_pass`], [`spectrogram`], [`histogram`] |
-//! | pixels that do not answer light | [`mod@defects`] |
+//! | pixels that do not answer light, and dark frames without them | [`mod@defects`], `dark_defects` |
 //! | figures under the names of the EMVA 1288 Python library | [`figures`] |
 //! | all gains together | [`joint`] |
 //! | histograms: the exact distribution, and the fit to it | [`pmf`], [`histogram_fit`] |
@@ -38,6 +38,7 @@ mod colour_name;
 pub mod compat;
 pub mod counts;
 pub mod dark;
+mod dark_defects;
 pub mod defects;
 pub mod derived;
 mod deviation_noise;

@@ -122,6 +122,16 @@ warnings! {
         of_others: Vec<(&'static str, f64, &'static str)>,
     } => "{}{}", defect_pixels(linear_gain, *colour, *pixels, first, [dark_dn, flat_dn]), signal_bias(*bias_percent, of_others);
 
+    /// Pixels answer neither light nor exposure time; the dark series leaves them out.
+    DarkDefects("dark-defects", severity mean_dn.abs()) {
+        /// Linear gain.
+        linear_gain: f64,
+        /// How many.
+        pixels: usize,
+        /// Mean of the shortest dark frames with them less that without them, DN.
+        mean_dn: f64,
+    } => "at gain {linear_gain}, dark frames count without pixels that answer neither light nor exposure time ({pixels}): with them their mean is {mean_dn:+.3} DN off; BL + mu_el, mu_r, sigma_r, sigma_el and mu_I of all gains are those of the other pixels";
+
     /// Pixels are bright in dark frames of every exposure time.
     BrightPixels("bright-pixels", severity *pixels as f64) {
         /// Linear gain.
