@@ -673,6 +673,27 @@ fn a_dead_column_and_stuck_pixels_drop_no_point() {
 }
 
 #[test]
+fn black_levels_of_the_colours_are_named() {
+    let bench = Bench { cfa: "RGGB", ..Bench::default() };
+    let folder = tempfile::tempdir().unwrap();
+    bench.write(folder.path());
+    assert!(messages(&measured(folder.path()).unwrap(), "black-levels-of-colours").is_empty());
+    let frames = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path());
+    for path in frames.filter(|path| path.extension().is_some_and(|ending| ending == "tiff")) {
+        let mut frame = image::open(&path).unwrap().into_luma16();
+        for (x, y, dn) in frame.enumerate_pixels_mut() {
+            dn.0[0] += [0, 3, 5, 9][(y % 2 * 2 + x % 2) as usize];
+        }
+        frame.save(&path).unwrap();
+    }
+    let said = messages(&measured(folder.path()).unwrap(), "black-levels-of-colours");
+    let levels = said[0].split("row by row: ").nth(1).unwrap().split(" DN").next().unwrap();
+    let levels: Vec<f64> = levels.split(", ").map(|level| level.parse().unwrap()).collect();
+    let is_near = |(found, truth): (&f64, f64)| (found - truth).abs() < 0.05;
+    assert!(levels.iter().zip([64.0, 67.0, 69.0, 73.0]).all(is_near), "{said:?}");
+}
+
+#[test]
 fn stuck_pixels_and_dead_columns_move_neither_the_black_level_nor_the_dark_noise() {
     for stack in [0, 8] {
         let bench = Bench { linear_gains: vec![1.0, 2.0, 4.0], stack, ..Bench::default() };

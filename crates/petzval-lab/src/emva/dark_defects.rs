@@ -99,7 +99,7 @@ fn mean_dn(stack: &Stack, i: usize) -> f64 {
 }
 
 /// The mean frame at one place of the tile.
-fn plane(stack: &Stack, cfa: &CfaPattern, row: usize, column: usize) -> Plane {
+pub(super) fn plane(stack: &Stack, cfa: &CfaPattern, row: usize, column: usize) -> Plane {
     let rows = (row..stack.height).step_by(cfa.rows());
     let columns = (column..stack.width).step_by(cfa.cols());
     let (height, width) = (rows.len(), columns.len());
