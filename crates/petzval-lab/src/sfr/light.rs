@@ -80,7 +80,7 @@ impl Light {
         let is_straight = free.ratio_over(&straight) < LEAST_RATIO;
         // Light that bends explains a rise as well.
         let rises = || {
-            let bent = problem.solved(Model { terms: 5, has_haze: true, tail: Tail::None }, 0.0)?;
+            let bent = problem.solved(Model { terms: TERMS, has_haze: true, tail: Tail::None }, 0.0)?;
             let bent_and_veil = problem.solved(Model { tail: Tail::Veil, ..bent.model }, 0.0)?;
             Some(bent_and_veil.ratio_over(&bent) > LEAST_VEIL_RATIO)
         };
