@@ -6,7 +6,7 @@ use std::sync::Arc;
 use petzval_design::inputs::check_parts_or_accepted;
 use petzval_design::report::comparison::{ComparedDifference, Comparison, compare, comparison_csv};
 use petzval_design::report::run_report::report_of_run;
-use petzval_design::run::{DigestCheck, RunFolder};
+use petzval_design::run::{DigestCheck, RunFolder, check_accepted};
 use petzval_design::setup::Setup;
 use petzval_design::study::MeanAndDeviation;
 use petzval_learn::score::ScoreDescription;
@@ -59,6 +59,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     }
     check_endings(request)?;
     let warn = |text: &str| context.warning(WarningKind::Comparison, text);
+    let folders: Vec<RunFolder> =
+        request.runs.iter().map(|run| RunFolder::open(run)).collect::<std::result::Result<_, _>>()?;
+    check_accepted(&folders.iter().collect::<Vec<_>>(), &request.accept_changed)?;
     let comparisons = compare(&request.runs, &context.assets, &request.accept_changed, &warn)?;
     check_inputs(request, context, &warn)?;
     check_file(&request.out, context)?;

@@ -39,9 +39,17 @@ pub(crate) fn warn_of_missing_pictures(report: &Report, context: &Context) {
 
 /// Warns where `config.toml` is no longer what a finished run was made from: its figures are those of its record.
 pub(crate) fn warn_of_changed_config(folder: &RunFolder, context: &Context) -> Result<()> {
-    if let Some(record) = RunRecord::read(folder)?
-        && let Some(error) = context.assets.changed_config(&record, folder)?
-    {
+    let Some(record) = RunRecord::read(folder)? else {
+        context.warning(
+            WarningKind::ChangedFile,
+            format!(
+                "{}: there is no such file: what the run was begun with is not known, and config.toml is taken as it is",
+                folder.record().display()
+            ),
+        );
+        return Ok(());
+    };
+    if let Some(error) = context.assets.changed_config(&record, folder)? {
         context.warning(
             WarningKind::ChangedFile,
             format!("{}; what follows is the run as it was made", error.message),

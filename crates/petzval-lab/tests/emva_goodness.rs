@@ -104,6 +104,12 @@ fn black_levels_that_differ_by_gain_are_no_mean_of_the_read_noise() {
         within(&format!("{black_dn:?}: sigma_r^2"), found.joint.read_variance_e2, 9.0, 3.5);
         within(&format!("{black_dn:?}: K"), found.joint.gain_dn_per_e, 0.38, 3.5);
     }
+    // Nearly in proportion to the gain: each point is less than a quarter of a digital number off the line.
+    let bench =
+        Bench { linear_gains: vec![1.0, 2.0, 4.0], black_dn: vec![64.0, 70.0, 83.0], ..Bench::default() };
+    let joint = bench.measured().joint;
+    assert!(joint.read_noise_mean_e.value().is_none(), "{:?}", joint.read_noise_mean_e);
+    assert_eq!(joint.tests.mean_line.verdict, Verdict::Withdrawn);
     // Stated gain by gain they leave the mean of the read noise and the offset of the electronics.
     let black_dn = vec![64.0, 70.0, 64.5, 72.0];
     let bench = Bench {
@@ -129,6 +135,18 @@ fn black_levels_that_differ_by_gain_are_no_mean_of_the_read_noise() {
     let found = bench.measured();
     within("mu_r", found.joint.read_noise_mean_e, 0.0, 3.5);
     assert_eq!(found.joint.tests.mean_line.verdict, Verdict::Widened);
+}
+
+#[test]
+fn a_response_that_bends_is_no_electronics_noise() {
+    // At three gains K is off by three shares, which tilts the dark variance over K^2.
+    for seed in 1..4 {
+        let bench = Bench { linear_gains: vec![1.0, 2.0, 4.0], compression: 0.04, seed, ..Bench::default() };
+        let joint = bench.measured().joint;
+        let variance = joint.variance_line.intercept;
+        let (value, error) = (variance.value().unwrap() - 1.0 / 12.0, variance.standard_error().unwrap());
+        assert!((value / error).abs() < 3.0, "{seed}: {value} +- {error}");
+    }
 }
 
 #[test]

@@ -4,10 +4,12 @@ mod common;
 
 use std::path::Path;
 
+use common::bench::Bench;
 use common::{imx249, within};
 use petzval_camera::SensorModel;
 use petzval_lab::emva::{
-    CaptureError, Captures, Characterization, Kind, Options, Plan, Point, Warning, characterize, write_series,
+    CaptureError, Captures, Characterization, Kind, Options, Plan, Point, Warning, characterize, sensor_toml,
+    write_series,
 };
 
 fn mono() -> SensorModel {
@@ -668,4 +670,64 @@ fn a_dead_column_and_stuck_pixels_drop_no_point() {
     };
     assert_eq!(points(&found), points(&sound));
     within("K", found.joint.gain_dn_per_e, 0.14, 3.5);
+}
+
+#[test]
+fn black_levels_of_the_colours_are_named() {
+    let bench = Bench { cfa: "RGGB", ..Bench::default() };
+    let folder = tempfile::tempdir().unwrap();
+    bench.write(folder.path());
+    assert!(messages(&measured(folder.path()).unwrap(), "black-levels-of-colours").is_empty());
+    let frames = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path());
+    for path in frames.filter(|path| path.extension().is_some_and(|ending| ending == "tiff")) {
+        let mut frame = image::open(&path).unwrap().into_luma16();
+        for (x, y, dn) in frame.enumerate_pixels_mut() {
+            dn.0[0] += [0, 3, 5, 9][(y % 2 * 2 + x % 2) as usize];
+        }
+        frame.save(&path).unwrap();
+    }
+    let said = messages(&measured(folder.path()).unwrap(), "black-levels-of-colours");
+    let levels = said[0].split("row by row: ").nth(1).unwrap().split(" DN").next().unwrap();
+    let levels: Vec<f64> = levels.split(", ").map(|level| level.parse().unwrap()).collect();
+    let is_near = |(found, truth): (&f64, f64)| (found - truth).abs() < 0.05;
+    assert!(levels.iter().zip([64.0, 67.0, 69.0, 73.0]).all(is_near), "{said:?}");
+}
+
+#[test]
+fn stuck_pixels_and_dead_columns_move_neither_the_black_level_nor_the_dark_noise() {
+    for stack in [0, 8] {
+        let bench = Bench { linear_gains: vec![1.0, 2.0, 4.0], stack, ..Bench::default() };
+        let folder = tempfile::tempdir().unwrap();
+        bench.write(folder.path());
+        let sound = measured(folder.path()).unwrap();
+        assert!(messages(&sound, "dark-defects").is_empty(), "{stack}: {:?}", sound.warnings);
+        let frames = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path());
+        for path in frames.filter(|path| path.extension().is_some_and(|ending| ending == "tiff")) {
+            // Eighty of 38,400 pixels are stuck at 4095, two columns at 64: the mean moves by 8.4 DN, the variance by 1 %.
+            let mut frame = image::open(&path).unwrap().into_luma16();
+            for (x, y, dn) in frame.enumerate_pixels_mut() {
+                dn.0[0] = match (x, (x + 240 * y) % 480) {
+                    (50 | 171, _) => 64,
+                    (_, 7) => 4095,
+                    _ => dn.0[0],
+                };
+            }
+            frame.save(&path).unwrap();
+        }
+        let found = measured(folder.path()).unwrap();
+        let said = messages(&found, "dark-defects");
+        let pixels = found.gains.len();
+        assert!(
+            said.len() == pixels && said[0].contains("(400)") && said[0].contains("+8.4"),
+            "{stack}: {said:?}"
+        );
+        let joint = &found.joint;
+        within("BL + mu_el", joint.dark_offset_dn, 64.0, 3.5);
+        within("mu_el", joint.electronics_mean_dn, 0.0, 3.5);
+        within("sigma_r^2", joint.read_variance_e2, 9.0, 3.5);
+        within("mu_I", joint.dark_current_e_per_s, 5.0, 3.5);
+        let text = sensor_toml(&found).unwrap();
+        let back = petzval_files::parse_sensor(&text).unwrap();
+        assert!(back.electronics_mean_dn.abs() < 0.05, "{stack}: {text}");
+    }
 }

@@ -130,6 +130,26 @@ pub struct DigestCheck<'a> {
     is_reported: Cell<bool>,
 }
 
+/// Name of the inputs of a run, whose change is accepted as a whole.
+const INPUTS: &str = "inputs";
+
+/// Refuses accepted names that no run has as a file or folder: a change that they were to accept would be refused, or there is none.
+pub fn check_accepted(runs: &[&RunFolder], accepted: &[String]) -> Result<()> {
+    let is_there = |name: &str| {
+        let name = name.trim_end_matches('/');
+        name == INPUTS || !name.is_empty() && runs.iter().any(|run| run.root().join(name).exists())
+    };
+    match (runs.first(), accepted.iter().find(|name| !is_there(name))) {
+        (Some(run), Some(unknown)) => Err(DesignError::Run {
+            path: run.root().to_path_buf(),
+            problem: format!(
+                "accept_changed = \"{unknown}\": the run has no such file or folder; hint: name one by its path below the run, such as cameras/NAME or {INPUTS}"
+            ),
+        }),
+        _ => Ok(()),
+    }
+}
+
 impl<'a> DigestCheck<'a> {
     /// A check of a run. `accepted`: files or folders of the run, by their path below it, that may differ from their digests.
     pub fn new(run: &'a RunFolder, accepted: &'a [String], warn: &'a dyn Fn(&str)) -> Self {
@@ -279,6 +299,17 @@ mod tests {
         let check = DigestCheck::new(&run, &[], &warn);
         assert!(check.changes("").unwrap().is_empty() && check.changes("inputs").unwrap().is_empty());
         assert_eq!(said.borrow().len(), 1, "one warning for all that has no digests");
+
+        // A name that the run does not have accepts nothing.
+        let known = ["cameras/wide", "cameras/wide/", "inputs"].map(str::to_owned);
+        assert!(check_accepted(&[&run], &known).is_ok());
+        for unknown in ["cameras/wid", ""] {
+            let error = check_accepted(&[&run], &[unknown.to_owned()]).unwrap_err().to_string();
+            assert!(
+                error.contains(&format!("accept_changed = \"{unknown}\": the run has no such")),
+                "{error}"
+            );
+        }
 
         // What is missing cannot be accepted, and no hint says so.
         fs::write(camera.join("blocks/network/weights.bin"), [1, 2, 3]).unwrap();

@@ -27,7 +27,8 @@ pub use checkpoint::{
 };
 pub use date::date;
 pub use digests::{
-    ChangedFile, DigestCheck, Digests, EventsDigest, forget_digests, hex, note_digests, sha256_of_file,
+    ChangedFile, DigestCheck, Digests, EventsDigest, check_accepted, forget_digests, hex, note_digests,
+    sha256_of_file,
 };
 pub use events::{Event, EventLog, SCORE, read_events};
 pub use folder::{RunFolder, RunLock, write_file};

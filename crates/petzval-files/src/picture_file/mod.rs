@@ -86,7 +86,8 @@ pub fn load_image_bytes(bytes: &[u8], name: &str) -> Result<Picture, ImageError>
                 Err(error) => notes.push(format!("its ICC profile cannot be read ({error}) and is ignored")),
             }
             let head = PictureHead::of(&mut decoder, format, bytes.len() as u64).checked(name)?;
-            let (light, is_linear) = decoded(decoder, head).map_err(undecodable)?;
+            let Decoded { light, is_linear, is_transparent } = decoded(decoder, head).map_err(undecodable)?;
+            notes.extend(is_transparent.then(|| TRANSPARENT.to_owned()));
             Picture { light, is_linear, notes }
         }
     };
@@ -120,12 +121,24 @@ fn read_hdr(bytes: &[u8], name: &str) -> Result<Picture, ImageError> {
     let mut decoder = HdrDecoder::with_strictness(Cursor::new(bytes), is_strict).map_err(undecodable)?;
     let head = PictureHead::of(&mut decoder, Some(ImageFormat::Hdr), bytes.len() as u64).checked(name)?;
     let notes = hdr_notes(&decoder.metadata());
-    let (light, is_linear) = decoded(decoder, head).map_err(undecodable)?;
+    let Decoded { light, is_linear, .. } = decoded(decoder, head).map_err(undecodable)?;
     Ok(Picture { light, is_linear, notes })
 }
 
-/// The light of a picture, turned the right way up, and whether the file holds it as it is.
-fn decoded(decoder: impl ImageDecoder, head: PictureHead) -> ::image::ImageResult<(LinearImage, bool)> {
+/// The note of a picture without an opaque pixel.
+const TRANSPARENT: &str = "every pixel is transparent, and the picture is black; remove its alpha";
+
+/// The light of a picture, turned the right way up.
+struct Decoded {
+    light: LinearImage,
+    /// Whether the file holds linear light.
+    is_linear: bool,
+    /// Whether alpha is 0 everywhere.
+    is_transparent: bool,
+}
+
+/// Decodes a picture.
+fn decoded(decoder: impl ImageDecoder, head: PictureHead) -> ::image::ImageResult<Decoded> {
     let mut picture = DynamicImage::from_decoder(decoder)?;
     picture.apply_orientation(head.orientation);
 
@@ -137,25 +150,28 @@ fn decoded(decoder: impl ImageDecoder, head: PictureHead) -> ::image::ImageResul
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     let mut out = LinearImage::zeros(CHANNELS, height, width);
     let plane = height * width;
+    let mut is_transparent = plane > 0;
     // Turn a strip at a time into four samples a pixel, which would otherwise be a second picture in memory.
     for top in (0..picture.height()).step_by(STRIP_ROWS as usize) {
         let strip = picture.crop_imm(0, top, picture.width(), STRIP_ROWS.min(picture.height() - top));
         let first = top as usize * width;
         if eight_bit {
             for (i, pixel) in (first..).zip(strip.to_rgba8().pixels()) {
+                is_transparent &= pixel[3] == 0;
                 for c in 0..CHANNELS {
                     out.data[c * plane + i] = table[pixel[c] as usize] * (pixel[3] as f32 / 255.0);
                 }
             }
         } else {
             for (i, pixel) in (first..).zip(strip.to_rgba32f().pixels()) {
+                is_transparent &= pixel[3] == 0.0;
                 for c in 0..CHANNELS {
                     out.data[c * plane + i] = light(pixel[c]) * pixel[3];
                 }
             }
         }
     }
-    Ok((out, linear_file))
+    Ok(Decoded { light: out, is_linear: linear_file, is_transparent })
 }
 
 /// Encodes a linear image as an 8-bit sRGB PNG. Three or more planes give a colour picture of the first three; fewer give a

@@ -82,6 +82,19 @@ fn gray_and_alpha_become_three_planes() {
 }
 
 #[test]
+fn a_transparent_picture_is_noted() {
+    for (alpha, notes) in [(0, 1), (1, 0)] {
+        let mut bytes = Cursor::new(Vec::new());
+        let mut picture = ImageBuffer::from_pixel(8, 8, ::image::Rgba([200u8, 100, 50, 0]));
+        picture.put_pixel(3, 4, ::image::Rgba([200, 100, 50, alpha]));
+        DynamicImage::ImageRgba8(picture).write_to(&mut bytes, ImageFormat::Png).unwrap();
+        let found = load_image_bytes(bytes.get_ref(), "clear.png").unwrap().notes;
+        assert_eq!(found.len(), notes, "{found:?}");
+        assert!(found.iter().all(|note| note.starts_with("every pixel is transparent")), "{found:?}");
+    }
+}
+
+#[test]
 fn errors_name_the_file_and_the_reason() {
     let missing = load_image(Path::new("no/such/picture.png")).unwrap_err().to_string();
     assert!(missing.starts_with("no/such/picture.png: "), "{missing}");

@@ -398,7 +398,7 @@ fn smooth_shading(about: &mut FrameData, path: &Path, context: &Context) {
     *mesh = fine;
 }
 
-/// The digital number at which the pixels of a frame saturate: that which is stated, or a lower one at which those of a colour pile up.
+/// The digital number at which the pixels of a frame saturate: that which is stated, or a lower one at which those of a colour pile up, exactly or within a few numbers.
 fn saturated_dn(
     dn: &[u32],
     width: usize,
@@ -414,8 +414,10 @@ fn saturated_dn(
     let Some(pile) = pile_up(dn, width, cfa).filter(|pile| f64::from(pile.dn) < LOW_PILE * stated_dn) else {
         return stated_dn;
     };
+    let have =
+        if pile.is_one_number { "have the largest number," } else { "pile up at the largest numbers, from" };
     context.warning(WarningKind::Saturation, format!(
-        "{}: {} pixels have the largest number, {} DN, below the white level of {stated_dn} DN: they are taken as saturated, or highlights would be coloured; state it with `white_level_dn`",
+        "{}: {} pixels {have} {} DN, below the white level of {stated_dn} DN: they are taken as saturated, or highlights would be coloured; state it with `white_level_dn`",
         path.display(),
         pile.pixels,
         pile.dn

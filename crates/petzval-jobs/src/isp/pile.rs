@@ -1,5 +1,9 @@
-//! Pixels that pile up at the largest digital number of a frame: they are saturated, whatever its white level is said to be.
+//! Pixels that pile up at the largest digital numbers of a frame: they are saturated, whatever its white level is said to be.
+//!
+//! Where the converter ends they have one number. Where the pixels are full they scatter by a few, since full wells differ and are read with noise.
+//! A scene makes no such peak: its noise grows with the light, and its colours differ as they do below.
 
+use petzval_base::statistics::{SIGMA_OVER_MEDIAN, median};
 use petzval_camera::sensor::CfaPattern;
 
 /// Fewest pixels of a pile, and their least share of the frame.
@@ -10,25 +14,186 @@ const LEAST_SHARE: f64 = 1e-4;
 const HIGHER: f64 = 8.0;
 const BELOW: f64 = 0.03;
 
-/// A pile at the largest number.
+/// Numbers below the largest that have fewer pixels than it, if the pile is that of one number.
+const NEAR: u32 = 8;
+
+/// Widest pile, as standard deviation over its number. The shot noise of 60,000 electrons is wider.
+const WIDEST: f64 = 0.004;
+
+/// Standard deviations about the middle of a pile within which its pixels lie, and those below it at which pixels count as saturated.
+const REACH: f64 = 4.0;
+const SATURATED: f64 = 2.0;
+
+/// Rounds in which the middle and the spread of a pile are found.
+const ROUNDS: usize = 12;
+
+/// How many times as many pixels a pile that spreads has as the numbers below it have on as many numbers.
+const DENSER: f64 = 4.0;
+
+/// Difference of two colours below the pile, as a share, from which it is no chance that both pile up at one number.
+const COLOURS_DIFFER: f64 = 0.05;
+
+/// Levels below the pile, as shares of it, at which its noise is compared with that of neighbours; the least share of all pixels of one that counts,
+/// and the least number of those that count.
+const LEVELS: [f64; 7] = [0.2, 0.3, 0.4, 0.5, 0.6, 0.75, 0.9];
+const LEAST_OF_LEVEL: f64 = 0.02;
+const LEAST_LEVELS: usize = 2;
+
+/// Largest ratio of variances over their levels among those: shot noise is in proportion to the light, and texture is not.
+const EVEN_NOISE: f64 = 2.0;
+
+/// Noise of a pile over the shot noise that lower levels let expect, below which it has none.
+const NO_SHOT_NOISE: f64 = 0.5;
+
+/// A pile at the largest numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pile {
-    /// The number, DN.
+    /// The number from which on pixels count as saturated, DN.
     pub dn: u32,
-    /// Pixels that have it.
+    /// Pixels that have it, or more.
     pub pixels: usize,
+    /// Whether the pixels have that one number.
+    pub is_one_number: bool,
 }
 
-/// The pile of pixels at the largest number of a mosaic. `None` if they are few, or no more than at other numbers. `None` as well if the
+/// The pile of pixels at the largest numbers of a mosaic. `None` if they are few, or no more than at other numbers. `None` as well if the
 /// frame has no noise: then equal numbers are equal light.
 pub fn pile_up(dn: &[u32], width: usize, cfa: CfaPattern) -> Option<Pile> {
     let largest = *dn.iter().max()?;
+    if !is_noisy(dn, width, cfa, largest) {
+        return None;
+    }
+    let one = at_largest(dn, largest);
+    let near = dn.iter().filter(|v| **v < largest && largest - **v <= NEAR).count();
+    if one.is_some_and(|pile| near < pile.pixels) {
+        return one;
+    }
+    Spread::of(dn).and_then(|peak| peak.pile(dn, width, cfa)).or(one)
+}
+
+/// The fewest pixels of a pile.
+fn least_pixels(dn: &[u32]) -> usize {
+    LEAST_PIXELS.max((LEAST_SHARE * dn.len() as f64) as usize)
+}
+
+/// The pile of pixels that have the largest number.
+fn at_largest(dn: &[u32], largest: u32) -> Option<Pile> {
     let pixels = dn.iter().filter(|v| **v == largest).count();
-    let least = LEAST_PIXELS.max((LEAST_SHARE * dn.len() as f64) as usize);
     let below = ((BELOW * f64::from(largest)) as u32).max(1);
     let near = dn.iter().filter(|v| **v < largest && largest - **v <= below).count();
-    let is_pile = pixels >= least && pixels as f64 > HIGHER * (near as f64 / f64::from(below)).max(1.0);
-    (is_pile && is_noisy(dn, width, cfa, largest)).then_some(Pile { dn: largest, pixels })
+    let is_pile =
+        pixels >= least_pixels(dn) && pixels as f64 > HIGHER * (near as f64 / f64::from(below)).max(1.0);
+    is_pile.then_some(Pile { dn: largest, pixels, is_one_number: true })
+}
+
+/// A peak at the upper end of the numbers, DN.
+struct Spread {
+    middle: f64,
+    sigma: f64,
+}
+
+impl Spread {
+    /// The peak at the upper end, without the few brightest pixels, if it is narrow and higher than what lies below it.
+    fn of(dn: &[u32]) -> Option<Self> {
+        let mut sorted: Vec<u32> = dn.to_vec();
+        sorted.sort_unstable();
+        let least = least_pixels(dn);
+        let top = f64::from(*sorted.get(sorted.len().checked_sub(least)?)?);
+        let from = |low: f64| &sorted[sorted.partition_point(|v| f64::from(*v) < low)..];
+        // Widen a window from the top down until it holds a peak.
+        let (mut middle, mut sigma) = (top, WIDEST * top);
+        for _ in 0..ROUNDS {
+            let (low, high) = (middle - REACH * sigma, middle + REACH * sigma);
+            let inside = || from(low).iter().map(|v| f64::from(*v)).filter(|v| *v <= high.max(top));
+            middle = median(inside());
+            sigma = (SIGMA_OVER_MEDIAN * median(inside().map(|v| (v - middle).abs()))).max(0.5);
+            if sigma > WIDEST * middle {
+                return None;
+            }
+        }
+        let low = middle - REACH * sigma;
+        let below = (BELOW * middle).max(2.0 * REACH * sigma);
+        let (pixels, near) = (from(low).len(), from(low - below).len() - from(low).len());
+        let expected = near as f64 / below * 2.0 * REACH * sigma;
+        (pixels >= least && pixels as f64 > DENSER * expected).then_some(Self { middle, sigma })
+    }
+
+    fn low(&self) -> f64 {
+        self.middle - REACH * self.sigma
+    }
+
+    fn holds(&self, dn: u32) -> bool {
+        (f64::from(dn) - self.middle).abs() <= REACH * self.sigma
+    }
+
+    /// The pile, if no scene makes this peak.
+    fn pile(&self, dn: &[u32], width: usize, cfa: CfaPattern) -> Option<Pile> {
+        let from = (self.middle - SATURATED * self.sigma).round() as u32;
+        let pixels = dn.iter().filter(|v| **v >= from).count();
+        (self.is_of_colours(dn, width, cfa) || self.lacks_shot_noise(dn, width, cfa)).then_some(Pile {
+            dn: from,
+            pixels,
+            is_one_number: false,
+        })
+    }
+
+    /// Whether two colours that differ below the peak both lie in it.
+    fn is_of_colours(&self, dn: &[u32], width: usize, cfa: CfaPattern) -> bool {
+        let of_colour = |colour| {
+            let own = dn.iter().enumerate().filter(move |(i, _)| cfa.colour(i / width, i % width) == colour);
+            let (mut inside, mut below) = (Vec::new(), Vec::new());
+            for (_, v) in own {
+                if self.holds(*v) {
+                    inside.push(f64::from(*v));
+                } else if f64::from(*v) < self.low() {
+                    below.push(f64::from(*v));
+                }
+            }
+            let mean = below.iter().sum::<f64>() / below.len().max(1) as f64;
+            let is_in = inside.len() >= LEAST_PIXELS && below.len() >= LEAST_PIXELS;
+            is_in.then(|| (median(inside), mean))
+        };
+        let all: Vec<(f64, f64)> = cfa.colours().into_iter().filter_map(of_colour).collect();
+        all.iter().enumerate().any(|(i, (at, below))| {
+            all[..i].iter().any(|(other_at, other_below)| {
+                let is_other = (below - other_below).abs() > COLOURS_DIFFER * below.max(*other_below);
+                is_other && (at - other_at).abs() < self.sigma
+            })
+        })
+    }
+
+    /// Whether neighbours in the peak differ by much less than those at several lower levels, whose noise grows as that of light does.
+    fn lacks_shot_noise(&self, dn: &[u32], width: usize, cfa: CfaPattern) -> bool {
+        let mut levels = vec![Vec::new(); LEVELS.len() - 1];
+        let mut inside = Vec::new();
+        for line in dn.chunks_exact(width) {
+            for (a, b) in line.iter().zip(line.iter().skip(cfa.cols())) {
+                let (difference, mean) = (f64::from(a.abs_diff(*b)), 0.5 * f64::from(a + b));
+                if self.holds(*a) && self.holds(*b) {
+                    inside.push(difference);
+                    continue;
+                }
+                let share = mean / self.middle;
+                if let Some(level) = LEVELS.windows(2).position(|pair| (pair[0]..pair[1]).contains(&share)) {
+                    levels[level].push(difference);
+                }
+            }
+        }
+        let least = (LEAST_OF_LEVEL * dn.len() as f64).max(1.0) as usize;
+        let middles = LEVELS.windows(2).map(|pair| 0.5 * (pair[0] + pair[1]));
+        let known: Vec<(f64, f64)> = middles
+            .zip(levels)
+            .filter(|(_, differences)| differences.len() >= least)
+            .map(|(share, differences)| (share, median(differences)))
+            .collect();
+        if inside.len() < LEAST_PIXELS || known.len() < LEAST_LEVELS {
+            return false;
+        }
+        // Shot noise is in proportion to the root of the light: continue that of each level to the peak.
+        let in_peak = || known.iter().map(|(share, noise)| noise / share.sqrt());
+        let (low, high) = (in_peak().fold(f64::INFINITY, f64::min), in_peak().fold(0.0, f64::max));
+        low > 0.0 && high * high <= EVEN_NOISE * low * low && median(inside) < NO_SHOT_NOISE * low
+    }
 }
 
 /// Whether neighbours of a colour differ where there is light: in half of the pairs at least.
@@ -60,11 +225,100 @@ mod tests {
     fn a_cut_off_end_is_a_pile_and_others_are_none() {
         let cut = ramp(3800, 15);
         let pixels = cut.iter().filter(|v| **v == 3800).count();
-        assert_eq!(pile_up(&cut, 200, CfaPattern::RGGB), Some(Pile { dn: 3800, pixels }));
+        assert_eq!(
+            pile_up(&cut, 200, CfaPattern::RGGB),
+            Some(Pile { dn: 3800, pixels, is_one_number: true })
+        );
         assert_eq!(pile_up(&ramp(u32::MAX, 15), 200, CfaPattern::RGGB), None);
         // Without noise equal numbers are equal light.
         let flat: Vec<u32> = (0..24_000).map(|i| if i % 200 < 100 { 2000 } else { 3800 }).collect();
         assert_eq!(pile_up(&flat, 200, CfaPattern::RGGB), None);
         assert_eq!(pile_up(&[], 200, CfaPattern::RGGB), None);
+    }
+
+    const WIDTH: usize = 128;
+    const SIZE: usize = 96 * WIDTH;
+
+    /// Numbers between 0 and 1, and nearly normal ones.
+    struct Random(u64);
+
+    impl Random {
+        fn uniform(&mut self) -> f64 {
+            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (self.0 >> 11) as f64 / (1u64 << 53) as f64
+        }
+
+        fn normal(&mut self) -> f64 {
+            (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
+        }
+    }
+
+    /// A frame of 0.4 DN an electron and a black level of 64 DN. `light` is the digital number of green above it, `answers` those of the colours.
+    fn frame(
+        answers: [f64; 3],
+        full: impl Fn(&mut Random) -> f64,
+        light: impl Fn(usize, usize) -> f64,
+    ) -> Vec<u32> {
+        let mut random = Random(5);
+        let pixel = |i: usize| {
+            let (row, column) = (i / WIDTH, i % WIDTH);
+            let signal = light(row, column) * answers[[[0, 1], [1, 2]][row % 2][column % 2]];
+            let noisy = 64.0 + signal + (0.4 * signal + 4.0).sqrt() * random.normal();
+            noisy.min(full(&mut random)).round().clamp(0.0, 4095.0) as u32
+        };
+        (0..SIZE).map(pixel).collect()
+    }
+
+    const ANSWERS: [f64; 3] = [0.5, 1.0, 0.7];
+
+    #[test]
+    fn full_wells_that_spread_are_a_pile() {
+        for sigma in [0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0] {
+            let full = |random: &mut Random| 3000.0 + sigma * random.normal();
+            // All colours are full on the left, and green alone at the end of a ramp.
+            let halves = frame(ANSWERS, full, |_, column| if column < 64 { 8000.0 } else { 940.0 });
+            let ramp = frame([0.3, 1.0, 0.4], full, |row, _| 4500.0 * row as f64 / 96.0);
+            for (name, dn) in [("halves", halves), ("ramp", ramp)] {
+                let found = pile_up(&dn, WIDTH, CfaPattern::RGGB).unwrap_or_else(|| panic!("{name} {sigma}"));
+                let low = 3000.0 - 3.5 * sigma - 1.0;
+                assert!((low..=3000.0).contains(&f64::from(found.dn)), "{name} {sigma}: {found:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn bright_scenes_and_speculars_are_no_pile() {
+        let none = |_: &mut Random| f64::INFINITY;
+        let spot = |row: usize, column: usize| (40..42).contains(&row) && (60..64).contains(&column);
+        type Light<'a> = &'a dyn Fn(usize, usize) -> f64;
+        let scenes: [(&str, Light); 5] = [
+            ("wall", &|_, column| if column < 64 { 2800.0 } else { 540.0 }),
+            ("sky", &|row, column| {
+                if row < 60 { 2900.0 - 3.0 * row as f64 } else { 300.0 + 400.0 * ((row * column) % 5) as f64 }
+            }),
+            ("page", &|row, column| if row % 9 < 2 && column % 5 < 3 { 300.0 } else { 2700.0 }),
+            ("ramp", &|_, column| 3000.0 * column as f64 / 128.0),
+            ("specular", &|row, column| {
+                if spot(row, column) { 9000.0 } else { 500.0 + 10.0 * column as f64 }
+            }),
+        ];
+        for (name, light) in scenes {
+            for answers in [ANSWERS, [1.0; 3]] {
+                let dn = frame(answers, none, light);
+                assert_eq!(pile_up(&dn, WIDTH, CfaPattern::RGGB), None, "{name} {answers:?}");
+            }
+        }
+        // Noise of two numbers whatever the light, as pictures of a program have it: an edge, and equal answers of all colours.
+        let mut random = Random(7);
+        for answers in [ANSWERS, [1.0; 3]] {
+            let pixel = |i: usize| {
+                let (row, column) = (i / WIDTH, i % WIDTH);
+                let light = if column < 64 { 2500.0 } else { 400.0 };
+                (64.0 + light * answers[[[0, 1], [1, 2]][row % 2][column % 2]] + 2.0 * random.normal())
+                    .round() as u32
+            };
+            let dn: Vec<u32> = (0..SIZE).map(pixel).collect();
+            assert_eq!(pile_up(&dn, WIDTH, CfaPattern::RGGB), None, "{answers:?}");
+        }
     }
 }

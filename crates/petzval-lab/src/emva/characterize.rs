@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::captures::{CaptureError, Captures, FrameFile, Kind, Point};
 use super::counts::PointHistogram;
+use super::dark_defects::{dark_defects, flat_and_dark};
 use super::fits::fits;
 use super::flags::{FlaggedPoint, FrameFlags, GainFlags};
 use super::gain::evaluate_gain;
@@ -49,11 +50,7 @@ pub fn characterize(
     for linear_gain in captures.gains() {
         let points: Vec<&Point> = captures.points.iter().filter(|p| p.linear_gain == linear_gain).collect();
         let ends = dark_ends(&points);
-        let is_end = |point: &Point| ends.iter().flatten().any(|end| std::ptr::eq(*end, point));
-        let found: Vec<(Kind, PointStatistics)> = points
-            .par_iter()
-            .map(|point| Ok((point.kind, reduce(captures, point, size, is_end(point), read)?)))
-            .collect::<Result<_, CaptureError>>()?;
+        let found = reduced_points(captures, &points, ends, size, read)?;
         let reduced = flagged(captures, &points, found);
         for p in &reduced {
             no_copies(captures, p.point, &p.found, &mut known)?;
@@ -104,6 +101,37 @@ pub fn characterize(
     };
     found.warnings.extend(departures(&fits(&found)));
     Ok(found)
+}
+
+/// Reduces the points of one gain. Those that show its defect pixels come first, so that the others are reduced without these.
+fn reduced_points(
+    captures: &Captures,
+    points: &[&Point],
+    ends: [Option<&Point>; 2],
+    size: (usize, usize),
+    read: &(dyn Fn() -> Result<(), Cancelled> + Sync),
+) -> Result<Vec<(Kind, PointStatistics)>, CaptureError> {
+    let shown = flat_and_dark(points);
+    let kept: Vec<&Point> = ends.into_iter().flatten().chain(shown.into_iter().flatten()).collect();
+    let is_kept = |point: &Point| kept.iter().any(|kept| std::ptr::eq(*kept, point));
+    let reduce_if = |is_now: &(dyn Fn(&Point) -> bool + Sync), defects: &[usize]| {
+        let of = |(i, point): (usize, &&Point)| {
+            is_now(point).then(|| Ok((i, reduce(captures, point, size, is_kept(point), defects, read)?)))
+        };
+        points.par_iter().enumerate().filter_map(of).collect::<Result<Vec<_>, CaptureError>>()
+    };
+    let mut found = reduce_if(&is_kept, &[])?;
+    let at = |wanted: &Point| {
+        let here = found.iter().find(|(i, _)| std::ptr::eq(points[*i], wanted));
+        here.map(|(_, statistics)| statistics)
+    };
+    let of_shown = shown.and_then(|[flat, dark]| Some([at(flat)?, at(dark)?]));
+    let ends = ends.map(|end| end.and_then(at));
+    let defects = of_shown.map(|shown| dark_defects(shown, ends, &captures.sensor.cfa)).unwrap_or_default();
+    found.iter_mut().for_each(|(_, statistics)| statistics.leave_out(&defects));
+    found.extend(reduce_if(&|point| !is_kept(point), &defects)?);
+    found.sort_by_key(|(i, _)| *i);
+    Ok(found.into_iter().map(|(i, statistics)| (points[i].kind, statistics)).collect())
 }
 
 /// The points of one gain with their flags, and with the standard errors that the noise of rows and columns of all of them leaves.

@@ -8,6 +8,7 @@
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use super::dark_defects::LeftOut;
 use super::fit::{Line, TestedLine, tested_line};
 use super::goodness::{FitTest, Verdict};
 use super::measured::Unresolved;
@@ -44,6 +45,15 @@ impl DarkPoint {
                 dark.variance_uncorrected_dn2
             },
             variance_se_dn2: dark.variance_se_dn2.hypot(rounding.variance_dn2),
+        }
+    }
+
+    /// The point without the pixels that answer neither light nor exposure time.
+    pub(super) fn without(self, left_out: LeftOut) -> Self {
+        Self {
+            mean_dn: self.mean_dn + left_out.mean_dn,
+            variance_dn2: self.variance_dn2 + left_out.variance_dn2,
+            ..self
         }
     }
 }

@@ -16,6 +16,7 @@
 
 use super::block_means::BLOCKS;
 use super::captures::{Captures, Kind, Point};
+use super::dark_defects::LeftOut;
 use super::point::PointStatistics;
 use petzval_base::statistics::median;
 
@@ -78,6 +79,12 @@ pub struct GainFlags {
     pub flats: Vec<FlatFlags>,
     /// Flat stacks in the order of the list.
     pub stacks: Vec<StackFlags>,
+    /// Pixels that the dark series leaves out, and what that changes at its shortest exposure.
+    pub dark_defects: LeftOut,
+    /// The colour filter array.
+    pub cfa: String,
+    /// Levels of the shortest dark frames by the place of a pixel in the tile, row by row, DN, if they differ.
+    pub tile_levels_dn: Option<Vec<f64>>,
 }
 
 /// A flat point, compared with its dark frames and the other flat points.

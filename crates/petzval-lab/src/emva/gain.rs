@@ -12,6 +12,7 @@ use super::point::{Moments, PointStatistics};
 use super::result::{ChannelResult, GainResult, Options};
 use super::rounding::Steps;
 use super::spatial::{Stacks, spatial};
+use super::tile_levels::tile_levels_dn;
 use super::transfer::photon_transfer;
 use super::transfer_point::{Rules, TransferPoint};
 use petzval_camera::sensor::Colour;
@@ -33,12 +34,18 @@ pub fn evaluate_gain(
     let mut darks = temporal(points, Kind::Dark);
     darks.retain(|p| p.flags.is_usable());
 
-    // Fit mean and variance of the dark frames over exposure time.
+    // Fit mean and variance of the dark frames over exposure time, without pixels that answer neither light nor time.
     let mean_difference = options.mean_difference;
-    let dark_point =
-        |p: &&FlaggedPoint<'_>| DarkPoint::new(p.point.exposure_s, &p.found.all, mean_difference);
+    let dark_point = |p: &&FlaggedPoint<'_>| {
+        DarkPoint::new(p.point.exposure_s, &p.found.all, mean_difference).without(p.found.left_out)
+    };
     let dark = dark_series(darks.iter().map(dark_point).collect());
+    let shortest = darks.iter().min_by(|a, b| a.point.exposure_s.total_cmp(&b.point.exposure_s));
+    let dark_defects = shortest.map(|p| p.found.left_out).unwrap_or_default();
     let line_noise = mean_line_noise(&darks);
+    let cfa = captures.sensor.cfa.to_string();
+    let of_shortest = dark_ends[0].and_then(|end| end.found.stack.as_ref());
+    let tile_levels_dn = of_shortest.and_then(|stack| tile_levels_dn(stack, &captures.sensor.cfa));
 
     // Pair each flat point with the dark point of its exposure time, and leave out points without signal.
     let dark_of = |flat: &FlaggedPoint<'_>| {
@@ -80,7 +87,7 @@ pub fn evaluate_gain(
     let frames = points.iter().map(|p| p.flags.clone()).collect();
     (
         GainResult { linear_gain, dark, line_noise, pixel_dark_currents, channels },
-        GainFlags { frames, flats: flat_flags, stacks: stack_flags },
+        GainFlags { frames, flats: flat_flags, stacks: stack_flags, dark_defects, cfa, tile_levels_dn },
     )
 }
 

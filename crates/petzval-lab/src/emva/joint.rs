@@ -141,7 +141,7 @@ pub struct GainInput<'a> {
     pub black_shift_dn: f64,
     /// K_g of each colour, and the part of its error that is no noise, DN/e-.
     pub gains: Vec<(Measured, f64)>,
-    /// Dark series over all pixels.
+    /// Dark series over the pixels that answer light or exposure time.
     pub dark: &'a DarkSeries,
     /// Temporal noise of rows and columns in its dark frames.
     pub line_noise: LineNoise,
@@ -171,10 +171,15 @@ pub fn joint_fit(inputs: &[GainInput<'_>], black_level_dn: Option<f64>) -> Joint
 
     let pixels = pixel_dark_currents_e(inputs, &rows);
 
-    let variance =
-        line_over_gains(&rows, 2, |r| r.dark_variance_dn2, &|off, y| off > FAR_OFF_SHARE * y.abs());
+    let far_variance = |off: &[(f64, f64)]| off.iter().any(|(off, y)| off.abs() > FAR_OFF_SHARE * y.abs());
+    let far_mean = |off: &[(f64, f64)]| {
+        let (low, high) =
+            off.iter().fold((0.0, 0.0), |(low, high), (off, _)| (f64::min(low, *off), f64::max(high, *off)));
+        high - low > FAR_OFF_DN
+    };
+    let variance = line_over_gains(&rows, 2, |r| r.dark_variance_dn2, &far_variance);
     let over_black = |r: &GainRow| r.dark_mean_dn.minus(Measured::exact(r.black_shift_dn));
-    let mean = line_over_gains(&rows, 1, over_black, &|off, _| off > FAR_OFF_DN);
+    let mean = line_over_gains(&rows, 1, over_black, &far_mean);
     let with_common = |fitted: TestedLine, power: f64| Line {
         slope: with_share(fitted.line.slope, power * common),
         ..fitted.line
@@ -338,24 +343,32 @@ fn dark_current_difference(dark: &DarkSeries, k: Measured) -> Measured {
 
 /// Chi-squared over its degrees of freedom from which on a line over the gains is withdrawn: points three standard errors off it.
 const FAR_OFF_CHI2: f64 = 9.0;
-/// Least distance of a dark mean from its line for that, DN: less is a drift of the offset.
+/// Least range of the distances of the dark means from their line for that, DN: less is a drift of the offset.
 const FAR_OFF_DN: f64 = 0.25;
 /// Least distance of a dark variance from its line for that, as a share of it.
 const FAR_OFF_SHARE: f64 = 0.1;
 
 /// Weighted line of `y` over `K_g^power`. The slope of a first fit converts the error of `K_g` to an error of `y`. Withdrawn if its points are
-/// far off: `is_far` says so of a distance from the line and `y`.
+/// far off: `is_far` says so of their distances from the line and `y`. Where the response bends, K is off by another share at each gain: the errors
+/// contain the line through gains that are off by what theirs differ from the mean share.
 fn line_over_gains(
     rows: &[GainRow],
     power: i32,
     y: fn(&GainRow) -> Measured,
-    is_far: &dyn Fn(f64, f64) -> bool,
+    is_far: &dyn Fn(&[(f64, f64)]) -> bool,
 ) -> TestedLine {
+    let is_used = |r: &&GainRow| {
+        r.gain_dn_per_e.value().is_some()
+            && r.gain_noise_error().is_some()
+            && y(r).value().is_some()
+            && y(r).standard_error().is_some_and(|error| error > 0.0)
+    };
     let usable: Vec<(f64, f64, f64, f64)> = rows
         .iter()
+        .filter(is_used)
         .filter_map(|r| {
             let (k, k_se) = (r.gain_dn_per_e.value()?, r.gain_noise_error()?);
-            let (v, v_se) = (y(r).value()?, y(r).standard_error().filter(|s| *s > 0.0)?);
+            let (v, v_se) = (y(r).value()?, y(r).standard_error()?);
             Some((k.powi(power), f64::from(power) * k.powi(power - 1) * k_se, v, v_se))
         })
         .collect();
@@ -375,7 +388,24 @@ fn line_over_gains(
         fitted = tested_line(&xs, &ys, &weights(&errors), &errors);
     }
     let found = [fitted.by_noise.slope, fitted.by_noise.intercept].map(|m| m.value().unwrap_or(0.0));
-    let has_far = usable.iter().any(|u| is_far((u.2 - found[0] * u.0 - found[1]).abs(), u.2));
+    let off: Vec<(f64, f64)> = usable.iter().map(|u| (u.2 - found[0] * u.0 - found[1], u.2)).collect();
+    let has_far = is_far(&off);
+    let of_model: Vec<f64> = rows
+        .iter()
+        .filter(is_used)
+        .filter_map(|r| Some(r.gain_model_error_dn_per_e / r.gain_dn_per_e.value()?))
+        .collect();
+    let common = of_model.iter().sum::<f64>() / of_model.len() as f64;
+    let moved: Vec<f64> =
+        xs.iter().zip(&of_model).map(|(x, share)| x * (1.0 + f64::from(power) * (share - common))).collect();
+    let bent = tested_line(&moved, &ys, &weights(&errors), &errors).by_noise;
+    let with_bend = |own: Measured, before: f64, bent: Measured| {
+        own.with_error(bent.value().map_or(0.0, |bent| (bent - before).abs()))
+    };
+    fitted.line = Line {
+        slope: with_bend(fitted.line.slope, found[0], bent.slope),
+        intercept: with_bend(fitted.line.intercept, found[1], bent.intercept),
+    };
     if fitted.test.verdict == Verdict::Widened && fitted.test.reduced_chi2 > FAR_OFF_CHI2 && has_far {
         let (reduced_chi2, degrees) = (fitted.test.reduced_chi2, fitted.test.degrees_of_freedom);
         fitted.line = Line::none(Unresolved::PoorFit { reduced_chi2, degrees });

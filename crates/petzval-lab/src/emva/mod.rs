@@ -7,7 +7,7 @@
 //! | reduce the frames of a point to sums | [`point`], [`counts`] |
 //! | temporal noise of rows, columns and pixels, and how it is correlated | [`line_noise`], [`line_covariance`], `gain_lines` |
 //! | means of parts of a frame without defect pixels | [`mod@block_means`] |
-//! | whether pixels of one colour differ by their place in a tile | `tile_range` |
+//! | whether pixels of one colour differ by their place in a tile, and dark ones of all colours | `tile_range`, `tile_levels` |
 //! | flags: what the captures show about the use of each point | `flags` |
 //! | find where the converter clips, from all samples | [`samples`] |
 //! | select the points of one gain by their flags, and evaluate them | `gain` |
@@ -17,7 +17,7 @@
 //! | dark frames over exposure time, and pixel by pixel | [`dark`], [`hot_pixels`] |
 //! | whether pixels differ independently of their neighbours | `neighbours` |
 //! | non-uniformity, spectrograms, profiles, histograms of defects | [`spatial`], [`plane_moments`], [`high_pass`], [`spectrogram`], [`histogram`] |
-//! | pixels that do not answer light | [`mod@defects`] |
+//! | pixels that do not answer light, and dark frames without them | [`mod@defects`], `dark_defects` |
 //! | figures under the names of the EMVA 1288 Python library | [`figures`] |
 //! | all gains together | [`joint`] |
 //! | histograms: the exact distribution, and the fit to it | [`pmf`], [`histogram_fit`] |
@@ -38,6 +38,7 @@ mod colour_name;
 pub mod compat;
 pub mod counts;
 pub mod dark;
+mod dark_defects;
 pub mod defects;
 pub mod derived;
 mod deviation_noise;
@@ -71,6 +72,7 @@ pub mod sensor_file;
 pub mod series;
 pub mod spatial;
 pub mod spectrogram;
+mod tile_levels;
 mod tile_range;
 pub mod transfer;
 pub mod transfer_point;

@@ -19,6 +19,7 @@ use serde::Serialize;
 use super::block_means::{BLOCKS, BlockMeans, block_means};
 use super::captures::{CaptureError, Captures, FrameFile, Kind, Point};
 use super::counts::Counts;
+use super::dark_defects::LeftOut;
 use super::line_covariance::{LineCovariance, LineModel};
 use super::line_noise::{LineNoise, LineSums, double_differences};
 use super::tile_range::tile_range_dn;
@@ -169,6 +170,8 @@ pub struct PointStatistics {
     pub fingerprints: Vec<Option<u64>>,
     /// The summed frames, of stacks and of points with `keep_sum` (see [`reduce`]).
     pub stack: Option<Stack>,
+    /// By how much the moments of all pixels change without the defect pixels of the gain.
+    pub(super) left_out: LeftOut,
 }
 
 impl PointStatistics {
@@ -176,6 +179,14 @@ impl PointStatistics {
     pub fn set_lines(&mut self, models: &[LineModel; 2]) {
         self.all.set_lines(models);
         self.colours.iter_mut().for_each(|(_, moments)| moments.set_lines(models));
+    }
+
+    /// Leaves these pixels out, ascending, of a point whose sum is kept.
+    pub(super) fn leave_out(&mut self, defects: &[usize]) {
+        if let Some(stack) = &self.stack {
+            let pixels = defects.iter().map(|i| (stack.sum_dn[*i], stack.variance_dn2[*i]));
+            self.left_out = LeftOut::of(&self.all, self.frames, pixels);
+        }
     }
 
     /// Moments of one colour.
@@ -231,12 +242,13 @@ impl Class {
 }
 
 /// Reads the frames of a point one after the other and calls `read` after each. All must have `size`, rows and columns. The
-/// sum of the frames is kept for stacks, and for other points with `keep_sum`.
+/// sum of the frames is kept for stacks, and for other points with `keep_sum`. `defects` are the places of pixels whose share in the moments is noted.
 pub fn reduce(
     captures: &Captures,
     point: &Point,
     size: (usize, usize),
     keep_sum: bool,
+    defects: &[usize],
     read: &(dyn Fn() -> Result<(), Cancelled> + Sync),
 ) -> Result<PointStatistics, CaptureError> {
     let (height, width) = size;
@@ -298,12 +310,12 @@ pub fn reduce(
     let mut block_pixels = vec![0usize; BLOCKS * BLOCKS];
     let keep_sum = keep_sum || point.is_stack();
     let mut variance_dn2 = vec![0.0f64; if keep_sum { pixels } else { 0 }];
+    let variance_of = |i: usize| (l * squares[i] - u64::from(sum[i]).pow(2)) as f64 * scale;
     for row in 0..height {
         let kinds = &class_of[row % cfa.rows()];
         for col in 0..width {
             let i = row * width + col;
-            let s = u64::from(sum[i]);
-            let variance = (l * squares[i] - s * s) as f64 * scale;
+            let variance = variance_of(i);
             let c = &mut class[kinds[col % cfa.cols()]];
             c.pixels += 1;
             c.lines.row_pixels[row] += 1;
@@ -333,11 +345,13 @@ pub fn reduce(
     }
     let mean_of = |sum: u64, pixels: usize| sum as f64 / pixels.max(1) as f64;
     let blocks = || block_pixels.iter().enumerate();
+    let all = all.moments(frames, tile, kinds);
+    let left_out = LeftOut::of(&all, frames, defects.iter().map(|i| (sum[*i], variance_of(*i))));
     Ok(PointStatistics {
         height,
         width,
         frames,
-        all: all.moments(frames, tile, kinds),
+        all,
         colours: colours
             .iter()
             .zip(&class)
@@ -359,6 +373,7 @@ pub fn reduce(
         block_pixels,
         fingerprints,
         stack: keep_sum.then_some(Stack { height, width, frames, sum_dn: sum, variance_dn2 }),
+        left_out,
     })
 }
 

@@ -67,7 +67,7 @@ pub struct Characterization {
 pub struct GainResult {
     /// Linear gain g.
     pub linear_gain: f64,
-    /// Dark series over all pixels.
+    /// Dark series over the pixels that answer light or exposure time.
     pub dark: DarkSeries,
     /// Temporal noise of rows and columns in the dark frames.
     pub line_noise: LineNoise,

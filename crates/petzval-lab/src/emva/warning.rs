@@ -122,6 +122,26 @@ warnings! {
         of_others: Vec<(&'static str, f64, &'static str)>,
     } => "{}{}", defect_pixels(linear_gain, *colour, *pixels, first, [dark_dn, flat_dn]), signal_bias(*bias_percent, of_others);
 
+    /// Pixels answer neither light nor exposure time; the dark series leaves them out.
+    DarkDefects("dark-defects", severity mean_dn.abs()) {
+        /// Linear gain.
+        linear_gain: f64,
+        /// How many.
+        pixels: usize,
+        /// Mean of the shortest dark frames with them less that without them, DN.
+        mean_dn: f64,
+    } => "at gain {linear_gain}, dark frames count without pixels that answer neither light nor exposure time ({pixels}): with them their mean is {mean_dn:+.3} DN off; BL + mu_el, mu_r, sigma_r, sigma_el and mu_I of all gains are those of the other pixels";
+
+    /// Dark frames have several black levels by the place of a pixel in the colour filter array.
+    BlackLevelsOfColours("black-levels-of-colours", severity range(levels_dn)) {
+        /// Linear gain.
+        linear_gain: f64,
+        /// Colour filter array.
+        cfa: String,
+        /// Level of each place of its tile in the shortest dark frames, row by row, DN.
+        levels_dn: Vec<f64>,
+    } => "at gain {linear_gain}, dark frames have a level of their own at each place of {cfa}, row by row: {} DN. BL + mu_el, the black level of sensor.toml and mu_el are the mean of all; sidecars of raw frames take one `black_level_dn` for each place", in_list(levels_dn);
+
     /// Pixels are bright in dark frames of every exposure time.
     BrightPixels("bright-pixels", severity *pixels as f64) {
         /// Linear gain.
@@ -458,6 +478,17 @@ fn defect_pixels(
         spread(dark_dn),
         spread(flat_dn)
     )
+}
+
+/// Largest less least.
+fn range(values: &[f64]) -> f64 {
+    let (low, high) =
+        values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+    high - low
+}
+
+fn in_list(levels_dn: &[f64]) -> String {
+    levels_dn.iter().map(|dn| format!("{dn:.2}")).collect::<Vec<_>>().join(", ")
 }
 
 fn common_factor(factor: u32, max_dn: u32) -> String {

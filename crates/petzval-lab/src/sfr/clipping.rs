@@ -51,8 +51,9 @@ pub fn check(profile: &Profile) -> Result<(), SfrError> {
         let is_noisy = noise > LEAST_NOISE && noise > NOISE_STEPS * end.gap;
         let least = LEAST_LACK.max(LACK_STEPS * end.least_gap);
         let is_abrupt = || {
+            // The end lies between the last pixel of another value and the next one: up to a gap beyond it.
             lack(profile, sign, end.last_px - INSIDE_PX) > least
-                && lack(profile, -sign, end.last_px) > OTHER_LACK.max(least)
+                && lack(profile, -sign, end.last_px + profile.gap_px()) > OTHER_LACK.max(least)
         };
         // Noise of which less than half is cut off keeps its median, and its mean moves.
         let is_moved = || end.share > LEAST_CUT && end.shift > LARGEST_SHIFT + SHIFT_STEPS * end.gap;

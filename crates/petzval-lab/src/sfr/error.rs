@@ -55,8 +55,8 @@ pub enum SfrError {
     },
     /// The sides are not even: a second edge, a texture, a corner.
     #[error(
-        "not one edge between two even sides: beyond the blur the values leave their level by {:.0} % of the step; a second edge, a corner or a texture is in the window",
-        100.0 * .deviation
+        "not one edge between two even sides: beyond the blur the values leave their level by {}; a second edge, a corner or a texture is in the window",
+        of_step(*.deviation)
     )]
     Uneven {
         /// Largest deviation of a side from its level, of the step.
@@ -70,6 +70,18 @@ pub enum SfrError {
         /// Share of its pixels at the extreme value.
         share: f64,
     },
+}
+
+/// Largest deviation that is given as a share of the step, 1000 %: beyond, the sides have nearly the same level.
+const LARGEST_SAID: f64 = 10.0;
+
+/// A deviation in words.
+fn of_step(deviation: f64) -> String {
+    if deviation <= LARGEST_SAID {
+        format!("{:.0} % of the step", 100.0 * deviation)
+    } else {
+        "far more than the step".to_owned()
+    }
 }
 
 impl SfrError {

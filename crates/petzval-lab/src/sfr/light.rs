@@ -6,19 +6,25 @@
 //!
 //! L is the level of either side s, h the haze along the edge, and T the tail of the blur at the distance d. Far from the edge the tail is
 //! the same on both sides but for its sign. Near the edge it is not, if the lens has coma.
+//!
+//! The rise p of a tail comes with its falls q and r, since a blur ends. Where the pixels have a rise and no falls, it is a haze that
+//! grows across the edge, and belongs to the light.
 
 use nalgebra::{DMatrix, DVector};
 
-use super::place::{Place, Sample, TERMS};
+use super::place::{Place, Sample, TERMS, WAYS};
 
 /// Numbers of the tail.
 const TAIL: usize = 4;
 
 /// Most numbers of a fit: two levels, the light, the haze, and the tail.
-const MOST: usize = 2 + TERMS + 1 + TAIL;
+const MOST: usize = 2 + WAYS + TAIL;
 
 /// The variance ratio (F) from which a change of the light counts.
 const LEAST_RATIO: f64 = 12.0;
+
+/// The same from which a rise without a fall counts as a haze across the edge: noise of neighbours may be correlated.
+const LEAST_VEIL_RATIO: f64 = 30.0;
 
 /// Least length of a profile whose light may be bent, in distances at which its sides begin; and the least change over the region, of the step.
 const DEPTH: f64 = 3.0;
@@ -30,20 +36,25 @@ const TAIL_RISE: f64 = 0.02;
 /// Steps of Gauss-Newton: the light is nearly linear in its numbers.
 const STEPS: usize = 3;
 
-/// `gamma`, and h.
+/// `gamma`, and the haze along and across the edge.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Light {
-    numbers: [f64; TERMS + 1],
+    numbers: [f64; WAYS],
 }
 
 /// How each band of rows pulls the numbers of the light.
-pub type Pulls = Vec<[f64; TERMS + 1]>;
+pub type Pulls = Vec<[f64; WAYS]>;
 
 impl Light {
     /// The light and the haze where the terms are these.
-    pub fn at(&self, terms: &[f64; TERMS + 1]) -> [f64; 2] {
+    pub fn at(&self, terms: &[f64; WAYS]) -> [f64; 2] {
         let change: f64 = (0..TERMS).map(|k| self.numbers[k] * terms[k]).sum();
-        [1.0 + change, self.numbers[TERMS] * terms[TERMS]]
+        [1.0 + change, (TERMS..WAYS).map(|k| self.numbers[k] * terms[k]).sum()]
+    }
+
+    /// Whether a haze grows across the edge.
+    pub fn has_veil(&self) -> bool {
+        self.numbers[WAYS - 1] != 0.0
     }
 
     /// The light that explains the pixels beyond the blur better than chance, and how each band of rows pulls it; none if it is even.
@@ -56,15 +67,33 @@ impl Light {
         bands: usize,
     ) -> Option<(Self, Pulls)> {
         let problem = Problem { place, beyond, far, half };
-        let even = Model { terms: 0, has_haze: false };
-        let free = problem.solved(Model { terms: 2, has_haze: true }, 0.0)?;
+        let even = Model { terms: 0, has_haze: false, tail: Tail::Whole };
+        let free = problem.solved(Model { terms: 2, has_haze: true, ..even }, 0.0)?;
         let ridge = free.variance() / (TAIL_RISE * free.step()).powi(2).max(1e-300);
         let mut best = problem.solved(even, ridge)?;
         let better = |best: Fitted, model: Model| -> Option<Fitted> {
             let next = problem.solved(model, ridge)?;
             Some(if next.ratio_over(&best) > LEAST_RATIO { next } else { best })
         };
-        best = better(best, Model { terms: 2, has_haze: false })?;
+        // A rise without a fall is a haze across the edge.
+        let straight = problem.solved(Model { terms: 2, has_haze: true, tail: Tail::Veil }, 0.0)?;
+        let is_straight = free.ratio_over(&straight) < LEAST_RATIO;
+        // Light that bends explains a rise as well.
+        let rises = || {
+            let bent = problem.solved(Model { terms: TERMS, has_haze: true, tail: Tail::None }, 0.0)?;
+            let bent_and_veil = problem.solved(Model { tail: Tail::Veil, ..bent.model }, 0.0)?;
+            Some(bent_and_veil.ratio_over(&bent) > LEAST_VEIL_RATIO)
+        };
+        if is_straight && rises()? {
+            best = problem.solved(Model { tail: Tail::None, ..even }, 0.0)?;
+            best = better(best, Model { tail: Tail::Veil, ..even })?;
+            for (terms, has_haze) in [(2, false), (2, true)] {
+                best = better(best, Model { terms, has_haze, tail: Tail::Veil })?;
+            }
+            let light = Self { numbers: best.spread(best.numbers.as_slice()) };
+            return (best.model.tail == Tail::Veil).then(|| (light, problem.pulls(&best, bands)));
+        }
+        best = better(best, Model { terms: 2, ..even })?;
         let with_haze = Model { has_haze: true, ..best.model };
         best = better(best, with_haze)?;
         // Bent light needs sides that are deeper than what it is continued over, and a change that no tail has.
@@ -85,11 +114,32 @@ struct Model {
     /// Terms of the light.
     terms: usize,
     has_haze: bool,
+    tail: Tail,
+}
+
+/// What is fitted of the tail of the blur.
+#[derive(Clone, Copy, PartialEq)]
+enum Tail {
+    /// A rise, and its falls.
+    Whole,
+    /// None, and a haze across the edge.
+    Veil,
+    None,
 }
 
 impl Model {
+    /// The place of the tail's first number, or of the haze across the edge.
+    fn tail_at(self) -> usize {
+        2 + self.terms + usize::from(self.has_haze)
+    }
+
     fn count(self) -> usize {
-        2 + self.terms + usize::from(self.has_haze) + TAIL
+        self.tail_at()
+            + match self.tail {
+                Tail::Whole => TAIL,
+                Tail::Veil => 1,
+                Tail::None => 0,
+            }
     }
 }
 
@@ -122,17 +172,21 @@ impl Problem<'_> {
             row[2 + k] = numbers[side] * terms[k];
         }
         let mut value = numbers[side] * light;
-        let mut at = 2 + model.terms;
         if model.has_haze {
-            row[at] = terms[TERMS];
-            value += numbers[at] * row[at];
-            at += 1;
+            row[2 + model.terms] = terms[TERMS];
         }
-        let near = self.far / sample.distance;
-        row[at] = sample.distance / self.half;
-        row[at + 1] = near;
-        row[at + 2 + side] = near.powi(4);
-        value += (at..at + TAIL).map(|k| numbers[k] * row[k]).sum::<f64>();
+        let at = model.tail_at();
+        match model.tail {
+            Tail::Whole => {
+                let near = self.far / sample.distance;
+                row[at] = sample.distance / self.half;
+                row[at + 1] = near;
+                row[at + 2 + side] = near.powi(4);
+            }
+            Tail::Veil => row[at] = terms[TERMS + 1],
+            Tail::None => {}
+        }
+        value += (2 + model.terms..model.count()).map(|k| numbers[k] * row[k]).sum::<f64>();
         (row, sample.value - value)
     }
 
@@ -159,10 +213,12 @@ impl Problem<'_> {
                     }
                 }
             }
-            let rise = count - TAIL;
-            squares += ridge * numbers[rise].powi(2);
-            right[rise] -= ridge * numbers[rise];
-            g[rise][rise] += ridge;
+            if model.tail == Tail::Whole {
+                let rise = model.tail_at();
+                squares += ridge * numbers[rise].powi(2);
+                right[rise] -= ridge * numbers[rise];
+                g[rise][rise] += ridge;
+            }
             let largest = (0..count).map(|i| g[i][i]).fold(0.0, f64::max);
             let g = DMatrix::from_fn(count, count, |i, j| {
                 let floor = if i == j { 1e-12 * largest } else { 0.0 };
@@ -215,12 +271,15 @@ impl Fitted {
     }
 
     /// Numbers of the light in their places.
-    fn spread(&self, numbers: &[f64]) -> [f64; TERMS + 1] {
-        let mut of = [0.0; TERMS + 1];
+    fn spread(&self, numbers: &[f64]) -> [f64; WAYS] {
+        let mut of = [0.0; WAYS];
         let terms = self.model.terms;
         of[..terms].copy_from_slice(&numbers[2..2 + terms]);
         if self.model.has_haze {
             of[TERMS] = numbers[2 + terms];
+        }
+        if self.model.tail == Tail::Veil {
+            of[TERMS + 1] = numbers[self.model.tail_at()];
         }
         of
     }

@@ -6,6 +6,9 @@ use super::region::Region;
 /// Terms of light that changes, beyond a constant: `x, y`, then `x^2, x y, y^2`, then `x^3, x^2 y, x y^2, y^3`.
 pub const TERMS: usize = 9;
 
+/// The [`TERMS`], and the ways along and across the edge.
+pub const WAYS: usize = TERMS + 2;
+
 /// A pixel: its place in the region, its distance from the edge, value, and band of rows.
 #[derive(Clone, Copy, Debug)]
 pub struct Sample {
@@ -32,11 +35,12 @@ impl Place {
         Self { middle, half, along: [path.slope() / length, 1.0 / length] }
     }
 
-    /// The [`TERMS`], and the way along the edge.
-    pub fn terms(&self, at: [f64; 2]) -> [f64; TERMS + 1] {
+    /// The [`TERMS`], and the ways along and across the edge.
+    pub fn terms(&self, at: [f64; 2]) -> [f64; WAYS] {
         let from = [0, 1].map(|k| at[k] - self.middle[k]);
         let [x, y] = [0, 1].map(|k| from[k] / self.half[k]);
         let along = (from[0] * self.along[0] + from[1] * self.along[1]) / self.half[1];
-        [x, y, x * x, x * y, y * y, x * x * x, x * x * y, x * y * y, y * y * y, along]
+        let across = (from[0] * self.along[1] - from[1] * self.along[0]) / self.half[0];
+        [x, y, x * x, x * y, y * y, x * x * x, x * x * y, x * y * y, y * y * y, along, across]
     }
 }

@@ -1,12 +1,12 @@
 //! The light of the two sides: their levels, and how the light changes across the region.
 //!
-//! Light that falls across a chart multiplies both sides alike, and a haze that grows along the edge adds to both. A haze across the edge cannot
-//! be told from blur, and counts as blur. The tail of a blur is the same on both sides but for its sign. It is fitted beside the light, so that
-//! no blur is taken for light.
+//! Light that falls across a chart multiplies both sides alike, and a haze that grows along the edge or across it adds to both. The tail of a blur is
+//! the same on both sides but for its sign. It is fitted beside the light, so that no blur is taken for light. A haze across the edge that is
+//! straight to the ends of both sides is no tail, which falls off. A haze that bends across the edge cannot be told from blur, and counts as blur.
 
 use super::light::{Light, Pulls};
 use super::path::Path;
-use super::place::{Place, Sample, TERMS};
+use super::place::{Place, Sample, TERMS, WAYS};
 use super::region::Region;
 
 /// Standard deviations of a normal blur beyond which a side is even, and the least distance, pixels.
@@ -22,6 +22,9 @@ const LEVEL_SHARE: f64 = 0.2;
 
 /// The least change of the light over the region that is divided out, of the step.
 const LEAST_CHANGE: f64 = 0.02;
+
+/// The same of light with a haze across the edge, half of whose change would count as blur.
+const LEAST_VEIL: f64 = 0.002;
 
 /// The light at a pixel, of that at the middle of the edge, that is divided out: a side that changes further is not even.
 const LIGHT: std::ops::RangeInclusive<f64> = 0.4..=2.5;
@@ -67,7 +70,8 @@ impl Sides {
             let sides = with_levels(Self { light, pulls, ..even.clone() });
             let change = sides.largest_change(region);
             let is_lit = samples.iter().all(|s| LIGHT.contains(&sides.light_at(s.at)[0]));
-            if is_lit && change >= LEAST_CHANGE * (sides.levels[1] - sides.levels[0]).abs() {
+            let least = if sides.light.has_veil() { LEAST_VEIL } else { LEAST_CHANGE };
+            if is_lit && change >= least * (sides.levels[1] - sides.levels[0]).abs() {
                 let fall = Some(change / sides.levels[1].abs().max(1e-300));
                 return Self { fall, ..sides };
             }
@@ -98,9 +102,10 @@ impl Sides {
         let terms = self.place.terms(at);
         let step = self.levels[1] - self.levels[0];
         let value = self.levels[0] + step * share;
-        let pull = |by: &[f64; TERMS + 1]| {
+        let pull = |by: &[f64; WAYS]| {
             let light: f64 = (0..TERMS).map(|k| by[k] * terms[k]).sum();
-            -(light * value + by[TERMS] * terms[TERMS]) / step
+            let haze: f64 = (TERMS..WAYS).map(|k| by[k] * terms[k]).sum();
+            -(light * value + haze) / step
         };
         self.pulls.iter().map(pull).collect()
     }

@@ -252,6 +252,61 @@ fn light_that_falls_across_the_window_is_divided_out() {
     }
 }
 
+#[test]
+fn stray_light_that_grows_across_the_edge_is_subtracted() {
+    let side = SIDE as f64;
+    // Shares of the step over the window, across and along it, and the fall of the light that multiplies.
+    for (angle_deg, across, along, fall) in [
+        (5.0, 0.02, 0.0, 0.0),
+        (5.0, 0.05, 0.0, 0.0),
+        (5.0, -0.05, 0.03, 0.0),
+        (35.0, 0.05, 0.0, 0.0),
+        (5.0, 0.05, 0.0, 0.1),
+    ] {
+        let edge = Edge::at(angle_deg, SIGMA);
+        let strayed = |(k, v): (usize, &f32)| {
+            let (x, y) = ((k % SIDE) as f64 / side, (k / SIDE) as f64 / side);
+            (f64::from(*v) * (1.0 - fall * y) + 0.6 * (across * x + along * y)) as f32
+        };
+        let light: Vec<f32> = edge.light().iter().enumerate().map(strayed).collect();
+        let found = edge.assert_mtf50(&with_noise(&light, 0.001, 6), 0.004);
+        assert!(found.hump < 0.002, "{}", found.hump);
+    }
+}
+
+#[test]
+fn stray_light_on_both_sides_of_the_edge_widens_the_error() {
+    let edge = Edge::at(5.0, SIGMA);
+    let hump = |(k, v): (usize, &f32)| {
+        let x = (k % SIDE) as f64 + 0.5 - 0.5 * SIDE as f64;
+        v + 0.04 * (-0.5 * (x / 25.0).powi(2)).exp() as f32
+    };
+    let light: Vec<f32> = edge.light().iter().enumerate().map(hump).collect();
+    let found = edge.measured(&with_noise(&light, 0.001, 6)).unwrap();
+    let mtf50 = found.sfr.mtf50().unwrap();
+    let off = (mtf50.frequency - edge.mtf50()).abs();
+    assert!(found.hump > 0.005 && off < 2.0 * mtf50.standard_error, "{} {off} {mtf50:?}", found.hump);
+    assert!(edge.measured(&with_noise(&edge.light(), 0.001, 6)).unwrap().hump < 1e-3);
+}
+
+#[test]
+fn a_sharp_edge_that_meets_the_pixels_at_few_phases_is_not_clipped() {
+    // A slope of a third: pixels lie every 0.32 pixels from the edge.
+    for angle_deg in [18.434_949, 26.565_051] {
+        let edge = Edge { levels: [0.1, 0.7], offset: 0.37, ..Edge::at(angle_deg, 0.1) };
+        let values: Vec<f32> = edge.light().iter().map(|v| (v * 4095.0).round() / 4095.0).collect();
+        let found = edge.measured(&values);
+        assert!(!matches!(found, Err(SfrError::Clipped { .. })), "{angle_deg}: {found:?}");
+    }
+}
+
+#[test]
+fn sides_of_nearly_one_level_have_no_deviation_in_percent() {
+    let said = SfrError::Uneven { deviation: 2e13 }.to_string();
+    assert!(said.contains("by far more than the step;"), "{said}");
+    assert!(SfrError::Uneven { deviation: 0.23 }.to_string().contains("by 23 % of the step;"));
+}
+
 /// A blur whose tail is a second, wider normal one, on the axis of a lens or with coma.
 #[test]
 fn the_tail_of_a_blur_is_no_light_that_changes() {

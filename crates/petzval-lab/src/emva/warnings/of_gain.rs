@@ -16,6 +16,15 @@ const DARK_DRIFT_DN: f64 = 0.05;
 pub fn gain_warnings(gain: &GainResult, flags: &GainFlags) -> Vec<Warning> {
     let linear_gain = gain.linear_gain;
     let mut warnings: Vec<Warning> = flags.frames.iter().flat_map(of_frames).collect();
+    let defects = flags.dark_defects;
+    if defects.pixels > 0 {
+        let (pixels, mean_dn) = (defects.pixels, -defects.mean_dn);
+        warnings.push(Warning::DarkDefects { linear_gain, pixels, mean_dn });
+    }
+    if let Some(levels_dn) = &flags.tile_levels_dn {
+        let (cfa, levels_dn) = (flags.cfa.clone(), levels_dn.clone());
+        warnings.push(Warning::BlackLevelsOfColours { linear_gain, cfa, levels_dn });
+    }
     warnings.extend(dark_not_linear(linear_gain, &gain.dark));
     warnings.extend(flags.flats.iter().filter_map(of_signal));
     warnings.extend(other_mosaic(gain, flags));
