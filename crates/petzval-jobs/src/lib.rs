@@ -84,6 +84,7 @@ pub use input::{ExperimentInput, LensInput, SensorInput};
 pub use job::{Job, Row, guarded};
 pub use keys::error_in_keys;
 pub use named_inputs::{InputKind, NamedInput};
+pub use own_lens::is_lens_text;
 pub use petzval_design::library::Library;
 pub use settings::settings_of;
 pub use table::jobs;
