@@ -149,3 +149,25 @@ pub(crate) fn there_already(path: &Path) -> JobError {
 fn refused(path: &Path, message: &str, hint: &str) -> JobError {
     JobError::input(format!("{}: {message}", path.display()), hint)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::context::Silent;
+
+    #[test]
+    fn a_file_that_came_since_the_check_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        let context = Context::new(crate::built_in_assets(), Arc::new(Silent));
+        check_file(&path, &context).unwrap();
+        std::fs::write(&path, "of another process").unwrap();
+        let error = write_result(&path, "mine", &context).unwrap_err().to_string();
+        assert!(error.contains("a.toml: exists already"), "{error}");
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "of another process");
+        write_result(&path, "mine", &context.overwriting(true)).unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "mine");
+    }
+}
