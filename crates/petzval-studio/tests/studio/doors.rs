@@ -194,7 +194,7 @@ fn a_page_reads_why_its_socket_ends() {
         // Several times: whether the end comes before its frame is a matter of chance. Bytes behind the wrong frame change nothing.
         for _ in 0..10 {
             let mut page = server.page();
-            page.stream.write_all(&[frame, &[7; 100_000]].concat()).unwrap();
+            page.stream.write_all(&[frame, &[7; 100_000][..]].concat()).unwrap();
             assert_eq!(page.frame().unwrap(), (8, code.to_be_bytes().to_vec()));
             assert_eq!(page.stream.read(&mut [0; 8]).unwrap(), 0);
         }

@@ -250,7 +250,8 @@ fn corrupt_and_incomplete_captures_are_named() {
     let more = ["--gains", "1,2", "--dark-exposures", "2.5,20"];
     let whole = capture(folder.path(), "whole", &more);
     let lock = petzval::base::WorkLock::passing(&folder.path().join(&whole).join("work.lock"), b"").unwrap();
-    let again = ["sensor", "capture", "imx249-fitted", "--out", &whole, "--size", "60x80", "--format", "png"];
+    let again =
+        ["sensor", "capture", "imx249-fitted", "--out", whole.as_str(), "--size", "60x80", "--format", "png"];
     let again = [&again[..], &more].concat();
     run_fails(folder.path(), &again, 2, &["another process is working on this series of captures"]);
     drop(lock);
