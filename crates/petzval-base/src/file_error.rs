@@ -125,10 +125,17 @@ impl FileError {
                 let hint = nearest(unknown, known).map(|near| format!("did you mean \"{near}\"?"));
                 (path.to_owned(), format!("\"{unknown}\": this key takes {}", takes.join(" or ")), hint)
             }
-            _ if message.starts_with("invalid type") => {
+            _ if message.starts_with("invalid type") || message.starts_with("invalid length") => {
                 let (message, hint) = of_type(message);
-                let hint = hint.filter(|_| !message.contains("a table"));
-                (path.to_owned(), message.replace("a table", "an object"), hint.map(str::to_owned))
+                // The hint of the reader is that of a file.
+                let below =
+                    (!path.is_empty()).then(|| format!("it holds keys: name one of them, `{path}.KEY`"));
+                let hint = if message.starts_with("expected a table") {
+                    below
+                } else {
+                    hint.filter(|_| !message.contains("a table")).map(str::to_owned)
+                };
+                (path.to_owned(), message.replace("a table", "an object"), hint)
             }
             Some((value, _)) if message.starts_with("invalid value: integer") => {
                 let (message, hint) = of_type(message);
@@ -373,7 +380,7 @@ mod tests {
                 "run",
                 "invalid type: string \"x\", expected struct NewRun",
                 "`run`: expected an object, found a text",
-                None,
+                Some("it holds keys: name one of them, `run.KEY`"),
             ),
             (
                 "psf",
@@ -392,6 +399,12 @@ mod tests {
                 "unknown variant `wave`, expected `waves` or `rays`",
                 "`psf.kind`: \"wave\": this key takes \"waves\" or \"rays\"",
                 Some("did you mean \"waves\"?"),
+            ),
+            (
+                "psf.wavelengths_um",
+                "invalid length 1, expected an array of length 3",
+                "`psf.wavelengths_um`: expected a list of 3 values, found 1",
+                Some("write as many values in square brackets, with commas between them"),
             ),
             (
                 "trials",

@@ -9,7 +9,8 @@
 //! | [`Tally`] | how much of parallel work is done, reported in ascending order |
 //! | [`parameter`] | the description of a number that a user may set: unit, range, scale, default, sentence |
 //! | [`read_whole`], [`read_text`], [`open_file`] | read files, and refuse what may have no end |
-//! | [`write_whole`] | writes a file completely or not at all |
+//! | [`write_whole`], [`create_whole`] | write a file completely or not at all; the second only where none is |
+//! | [`WorkLock`] | a lock on a folder in which one process works |
 //! | [`lossy_path`] | writes paths that are not UTF-8 |
 //! | [`PartFolder`], [`sweep_parts`] | what is not whole yet, and the removal of what killed processes have left of it |
 //! | [`simd`] | chooses the instruction set of the vector kernels |
@@ -37,6 +38,7 @@ pub mod statistics;
 pub mod table;
 mod tally;
 mod whole_file;
+mod work_lock;
 
 pub use at_path::{InFile, IoError};
 pub use cancel::{Cancel, Cancelled};
@@ -47,4 +49,5 @@ pub use hex::hex;
 pub use part::{LONGEST_NAME, PartFolder, sweep_parts, sweep_parts_in};
 pub use pasted::{is_obeyed, pasted};
 pub use tally::Tally;
-pub use whole_file::{open_file, read_at_most, read_text, read_whole, write_whole};
+pub use whole_file::{create_whole, open_file, read_at_most, read_text, read_whole, write_whole};
+pub use work_lock::WorkLock;

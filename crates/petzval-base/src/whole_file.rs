@@ -72,6 +72,24 @@ fn megabytes(bytes: u64) -> String {
 ///
 /// Fails with `InvalidInput` if `path` names no file, with `IsADirectory` if it is a folder, and with the system's errors.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    placed(path, bytes, |beside| std::fs::rename(beside, path))
+}
+
+/// The same where no file is: of several processes that write one at a time, one succeeds.
+///
+/// Fails as [`write_whole`] does, and with `AlreadyExists` if a file is there, which stays as it is.
+pub fn create_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    placed(path, bytes, |beside| match std::fs::hard_link(beside, path) {
+        // The second name stays.
+        Ok(()) => std::fs::remove_file(beside),
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Err(error),
+        // Not every file system has links: there an empty file keeps the name.
+        Err(_) => File::create_new(path).and_then(|_| std::fs::rename(beside, path)),
+    })
+}
+
+/// Writes a file under a temporary name beside `path`, and lets `place` bring it to its own.
+fn placed(path: &Path, bytes: &[u8], place: impl Fn(&Path) -> io::Result<()>) -> io::Result<()> {
     if path.file_name().is_none() {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "the path names no file"));
     }
@@ -83,7 +101,7 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let written = File::create(&beside)
         .map(held)
         .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()).map(|()| file))
-        .and_then(|_held| std::fs::rename(&beside, path));
+        .and_then(|_held| place(&beside));
     if written.is_err() {
         // Return the first error. Removal may fail too, because the temporary file may not exist.
         let _ = std::fs::remove_file(&beside);
@@ -105,6 +123,25 @@ mod tests {
         assert_eq!(std::fs::read(&path).unwrap(), b"two");
         assert!(write_whole(folder.path(), b"x").is_err());
         assert!(write_whole(&folder.path().join("none/a.bin"), b"x").is_err());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn one_of_several_creates_a_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.bin");
+        let tries: Vec<std::thread::JoinHandle<io::Result<()>>> = (0..4_u8)
+            .map(|i| {
+                let path = path.clone();
+                std::thread::spawn(move || create_whole(&path, &[i; 3]))
+            })
+            .collect();
+        let ends: Vec<io::Result<()>> = tries.into_iter().map(|thread| thread.join().unwrap()).collect();
+        let first = ends.iter().position(Result::is_ok).unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), [first as u8; 3]);
+        let refused: Vec<io::ErrorKind> =
+            ends.into_iter().filter_map(Result::err).map(|e| e.kind()).collect();
+        assert_eq!(refused, [io::ErrorKind::AlreadyExists; 3]);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 

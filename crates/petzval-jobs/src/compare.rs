@@ -17,9 +17,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::as_unit::{AsUnit, within};
 use crate::context::Context;
-use crate::error::{JobError, Result, write_file};
+use crate::error::{JobError, Result};
 use crate::event::WarningKind;
-use crate::results::{check_file, has_ending};
+use crate::results::{check_file, has_ending, write_result};
 use crate::run_page::warn_of_missing_pictures;
 
 petzval_base::parameters! {
@@ -73,10 +73,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         groups.push(group(comparison, context)?);
     }
     let differences = differences(&comparisons);
-    write_file(&request.out, page(differences.as_ref(), &groups))?;
+    write_result(&request.out, page(differences.as_ref(), &groups), context)?;
     context.wrote(&request.out, "page");
     if let Some(path) = &request.csv {
-        write_file(path, comparison_csv(&comparisons))?;
+        write_result(path, comparison_csv(&comparisons), context)?;
         context.wrote(path, "table");
     }
     let of_group = |group: &Group| {

@@ -16,12 +16,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::{Result, write_file};
+use crate::error::Result;
 use crate::event::WarningKind;
 use crate::input::{ExperimentInput, Inline, Input, LensInput, SensorInput};
 use crate::own_lens::{OwnLens, own_lens};
 use crate::own_pictures::with_pictures;
-use crate::results::check_folder;
+use crate::results::{check_folder, write_result};
 
 /// Names of the files.
 pub(crate) const EXPERIMENT: &str = "experiment.toml";
@@ -132,7 +132,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     std::fs::create_dir_all(out).map_err(DesignError::io(out))?;
     let path = |name: &str| out.join(name);
     for (name, text) in [(LENS, &lens_text), (SENSOR, &sensor_text), (EXPERIMENT, &text)] {
-        write_file(&path(name), text)?;
+        write_result(&path(name), text, context)?;
         context.wrote(
             path(name),
             if name == LENS {

@@ -36,7 +36,8 @@ pub type LensInput = Input<LensText>;
 /// A sensor: a built-in name, the path of a file, or `{"toml": TEXT}`.
 pub type SensorInput = Input<TomlText>;
 
-/// An experiment: a built-in name, the path of a file, `{"toml": TEXT}`, or the object of its tables.
+/// An experiment: a built-in name, the path of a file, `{"toml": TEXT}`, or the object of its tables. Where a lens stands for an
+/// experiment, TEXT may be that of a lens.
 pub type ExperimentInput = Input<ExperimentText>;
 
 /// The text of a lens file.

@@ -28,19 +28,27 @@ pub(crate) struct OwnLens {
     pub gave_variables: bool,
 }
 
-/// Whether a name stands for a lens and not for an experiment: a lens file by its ending or its content, or a built-in lens.
+/// Whether a name stands for a lens and not for an experiment: a lens file by its ending or its content, the text of one
+/// in a request, or a built-in lens.
 pub(crate) fn is_lens(name: &str, context: &Context) -> bool {
     let path = Path::new(name);
     if FOREIGN.contains(&extension(path).as_str()) {
         return true;
     }
-    if path.is_file() {
-        let table: Option<toml::Table> =
-            petzval_base::read_text(path).ok().and_then(|text| text.parse().ok());
-        return table.is_some_and(|table| table.contains_key("surface"));
+    let text = match context.assets.text_in_no_file(name) {
+        None if path.is_file() => petzval_base::read_text(path).ok(),
+        inline => inline.map(str::to_owned),
+    };
+    if let Some(text) = text {
+        return is_lens_text(&text);
     }
     let is_known = |folder: &str| context.assets.names(folder).contains(&name);
     !is_known("experiments") && is_known("lenses")
+}
+
+/// Whether a text in TOML is that of a lens and not of an experiment.
+pub fn is_lens_text(text: &str) -> bool {
+    text.parse::<toml::Table>().is_ok_and(|table| table.contains_key("surface"))
 }
 
 /// Fits an experiment to a lens, and to a sensor if one is named. Every choice is reported.

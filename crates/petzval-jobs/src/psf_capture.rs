@@ -23,6 +23,7 @@ use crate::frames::Frames;
 use crate::input::{Input, LensInput, SensorInput};
 use crate::pinhole::{PinholePsf, PinholeView, Refocus};
 use crate::range::check_ranges;
+use crate::state_file::{CAPTURES, lock_folder};
 
 petzval_base::parameters! {
     /// Captures of a pinhole: frames and their manifest, for [`crate::psf_calibrate`].
@@ -153,6 +154,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let scale = brightness(request, &sensor, &places);
 
     make_folder(&request.out)?;
+    let _lock = lock_folder(&request.out, CAPTURES)?;
+    // Another process may have worked here since the first look.
+    request.check_new()?;
     let manifest = Manifest {
         sensor: sensor_name(request)?,
         linear_gain: unspanned(1.0),
@@ -201,7 +205,11 @@ impl Request {
                 return Err(JobError::setting(key, "", "out of range", hint));
             }
         }
-        // A manifest must never stand beside frames that it does not describe, as it would if this run were interrupted.
+        self.check_new()
+    }
+
+    /// A manifest must never stand beside frames that it does not describe, as it would if this run were interrupted.
+    fn check_new(&self) -> Result<()> {
         let manifest = self.out.join(MANIFEST_FILE);
         if manifest.exists() {
             let hint = "choose another folder for --out, or remove the captures there";

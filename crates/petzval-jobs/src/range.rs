@@ -17,13 +17,19 @@ pub(crate) fn check_ranges(request: &impl Parameters) -> Result<()> {
         "wavelength" | "wavelengths" => wavelength_hint(value),
         _ => parameter.hint.to_owned(),
     };
-    Err(JobError::setting(parameter.name, value, message, hint))
+    Err(JobError::setting(parameter.name, number_text(value), message, hint))
 }
 
 /// An end of a range, without a row of zeros.
 fn short(end: f64) -> String {
     let is_plain = end == 0.0 || (1e-3..1e7).contains(&end.abs());
     if is_plain { end.to_string() } else { format!("{end:e}") }
+}
+
+/// A number that a request holds, as a person would write it: without hundreds of zeros.
+pub(crate) fn number_text(value: f64) -> String {
+    let is_plain = value == 0.0 || !value.is_finite() || (1e-5..1e15).contains(&value.abs());
+    if is_plain { value.to_string() } else { format!("{value:e}") }
 }
 
 #[cfg(test)]
@@ -44,6 +50,9 @@ mod tests {
         assert_eq!(hint, "16 to 1024 cells");
         let (_, value, message, _) = wrong(psf::Request { pitch_um: f64::NAN, ..Default::default() });
         assert_eq!((value.as_str(), message.as_str()), ("NaN", "must lie between 1e-6 and 1000 um"));
+        for (pitch_um, text) in [(1e-300, "1e-300"), (-2.5e300, "-2.5e300"), (1e7, "10000000")] {
+            assert_eq!(wrong(psf::Request { pitch_um, ..Default::default() }).1, text);
+        }
         let nm = psf::Request { wavelengths: vec![0.62, 550.0, 0.486], ..Default::default() };
         assert!(wrong(nm).3.contains("did you mean 0.55?"));
         assert!(check_ranges(&trace::Request::default()).is_ok());

@@ -1,12 +1,14 @@
 //! Places of results, checked before a job's work begins: a place that cannot be written, or that holds results already, is an error at
 //! once and not after an hour. Nothing is made yet, so that a request that is refused later leaves no empty folder.
 
+use std::io::ErrorKind;
 use std::path::Path;
 
-use petzval_base::{PartFolder, sweep_parts_in};
+use petzval_base::{PartFolder, create_whole, sweep_parts_in};
+use petzval_design::error::DesignError;
 
 use crate::context::Context;
-use crate::error::{JobError, Result, check_length};
+use crate::error::{JobError, Result, check_length, write_file};
 
 /// Endings of files that are read or written here, or that people would expect.
 const FILE_ENDINGS: [&str; 26] = [
@@ -78,7 +80,7 @@ pub(crate) fn what_is(path: &Path) -> &'static str {
 }
 
 /// Whether a name ends as those of files do.
-fn names_a_file(path: &Path) -> bool {
+pub(crate) fn names_a_file(path: &Path) -> bool {
     FILE_ENDINGS.iter().any(|ending| has_ending(path, ending))
 }
 
@@ -110,13 +112,20 @@ pub(crate) fn check_file(path: &Path, context: &Context) -> Result<()> {
     check_unused(path, context)
 }
 
+/// Writes a file of results wholly or not at all. Fails as [`check_file`] does if another process has written it since it was checked.
+pub(crate) fn write_result(path: &Path, contents: impl AsRef<[u8]>, context: &Context) -> Result<()> {
+    if context.overwrites() {
+        return write_file(path, contents);
+    }
+    create_whole(path, contents.as_ref()).map_err(|error| match error.kind() {
+        ErrorKind::AlreadyExists => there_already(path),
+        _ => DesignError::io(path)(error).into(),
+    })
+}
+
 /// Fails if a file is there that the context does not let a job overwrite.
 fn check_unused(path: &Path, context: &Context) -> Result<()> {
-    if path.is_file() && !context.overwrites() {
-        Err(refused(path, "exists already", "--force replaces it; or name another place"))
-    } else {
-        Ok(())
-    }
+    if path.is_file() && !context.overwrites() { Err(there_already(path)) } else { Ok(()) }
 }
 
 /// Fails if no file can be made in a folder; `named` is what the request names.
@@ -132,6 +141,33 @@ fn check_writable(folder: &Path, named: &Path) -> Result<()> {
     })
 }
 
+/// The error for a file that is there, and that the context does not let a job overwrite.
+pub(crate) fn there_already(path: &Path) -> JobError {
+    refused(path, "exists already", "--force replaces it; or name another place")
+}
+
 fn refused(path: &Path, message: &str, hint: &str) -> JobError {
     JobError::input(format!("{}: {message}", path.display()), hint)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::context::Silent;
+
+    #[test]
+    fn a_file_that_came_since_the_check_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        let context = Context::new(crate::built_in_assets(), Arc::new(Silent));
+        check_file(&path, &context).unwrap();
+        std::fs::write(&path, "of another process").unwrap();
+        let error = write_result(&path, "mine", &context).unwrap_err().to_string();
+        assert!(error.contains("a.toml: exists already"), "{error}");
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "of another process");
+        write_result(&path, "mine", &context.overwriting(true)).unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "mine");
+    }
 }

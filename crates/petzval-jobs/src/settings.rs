@@ -14,9 +14,7 @@ pub fn settings_of(words: &[String]) -> Result<Settings> {
         let Some((key, value)) = word.split_once('=') else {
             return Err(refused("there is no `=`", "write key=value, such as training.steps=400"));
         };
-        let value = value_of(value).ok_or_else(|| {
-            refused("the value is no TOML", "write a number, true, false, \"a text\" or [a list]")
-        })?;
+        let value = value_of(value).map_err(|NoValue { message, hint }| refused(message, hint))?;
         if settings.insert(key.trim().to_owned(), value).is_some() {
             return Err(refused("this key is set twice", "set each key once"));
         }
@@ -24,9 +22,19 @@ pub fn settings_of(words: &[String]) -> Result<Settings> {
     Ok(settings)
 }
 
-/// A value as JSON: TOML, or else the text itself. None for what begins as a list, a table or a text of TOML and is none, and for numbers that
+/// Why a text is no value.
+struct NoValue {
+    message: &'static str,
+    hint: &'static str,
+}
+
+/// A value as JSON: TOML, or else the text itself. Fails for what begins as a list, a table or a text of TOML and is none, and for numbers that
 /// are not finite.
-fn value_of(text: &str) -> Option<Value> {
+fn value_of(text: &str) -> Result<Value, NoValue> {
+    const NO_TOML: NoValue = NoValue {
+        message: "the value is no TOML",
+        hint: "write a number, true, false, \"a text\" or [a list]",
+    };
     let text = text.trim();
     let parsed: Option<toml::Value> = format!("value = {text}")
         .parse::<toml::Table>()
@@ -34,11 +42,24 @@ fn value_of(text: &str) -> Option<Value> {
         .filter(|table| table.len() == 1)
         .and_then(|mut table| table.remove("value"));
     match parsed {
-        Some(toml::Value::Datetime(_)) => Some(text.into()),
-        Some(toml::Value::Float(number)) => serde_json::Number::from_f64(number).map(Value::Number),
-        Some(value) => serde_json::to_value(value).ok(),
-        None if text.starts_with(['[', '{', '"', '\'']) => None,
-        None => Some(text.into()),
+        Some(toml::Value::Datetime(_)) => Ok(text.into()),
+        Some(value) if !is_finite(&value) => Err(NoValue {
+            message: "a number in the value is not finite",
+            hint: "write a number such as 4 or 1e-3",
+        }),
+        Some(value) => serde_json::to_value(value).map_err(|_| NO_TOML),
+        None if text.starts_with(['[', '{', '"', '\'']) => Err(NO_TOML),
+        None => Ok(text.into()),
+    }
+}
+
+/// Whether every number of a value is finite: JSON has no others.
+fn is_finite(value: &toml::Value) -> bool {
+    match value {
+        toml::Value::Float(number) => number.is_finite(),
+        toml::Value::Array(values) => values.iter().all(is_finite),
+        toml::Value::Table(keys) => keys.values().all(is_finite),
+        _ => true,
     }
 }
 
@@ -82,7 +103,9 @@ mod tests {
             (&["steps"][..], "there is no `=`"),
             (&["a=[1"], "no TOML"),
             (&["a=\"x"], "no TOML"),
-            (&["a=nan"], "no TOML"),
+            (&["a=[1, nan]"], "is not finite"),
+            (&["a=nan"], "is not finite"),
+            (&["a=-inf"], "is not finite"),
             (&["a=1", "a=2"], "set twice"),
         ] {
             let error = read(words).unwrap_err();

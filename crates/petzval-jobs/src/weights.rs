@@ -12,8 +12,8 @@ use serde_json::Value;
 
 use crate::as_unit::{AsUnit, within};
 use crate::context::Context;
-use crate::error::{JobError, Result, write_file};
-use crate::results::{check_file, has_ending};
+use crate::error::{JobError, Result};
+use crate::results::{check_file, has_ending, write_result};
 
 /// Files of weights in the folder of a camera, and in that of a proxy.
 const FILES: [&str; 2] = ["network.safetensors", "weights.safetensors"];
@@ -94,7 +94,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
             WeightNames::Torchvision => FileNames::Torchvision,
         };
         let refused = |e: NetworkError| JobError::input(e.to_string(), "leave out the names of torchvision");
-        write_file(to, network.to_file(names).map_err(refused)?)?;
+        write_result(to, network.to_file(names).map_err(refused)?, context)?;
         context.wrote(to, "weights");
     }
     Ok(Response {

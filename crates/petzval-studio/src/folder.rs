@@ -2,6 +2,7 @@
 
 use std::path::{Component, Path, PathBuf};
 
+use petzval_jobs::is_lens_text;
 use serde_json::Value;
 
 /// Longest path that a system takes: no longer text is one.
@@ -13,6 +14,9 @@ const TEXTS: [&str; 2] = ["toml", "text"];
 /// Keys of requests under which an experiment stands, and the job in which `from` is one as well.
 const EXPERIMENTS: [&str; 2] = ["experiment", "classes_of"];
 const FROM: (&str, &str) = ("init", "from");
+
+/// Jobs in which the text of a lens may stand for an experiment, which is then fitted to it. A lens names no files.
+const FITTING: [&str; 3] = ["design", "design-check", "design-config"];
 
 /// Endings of lens files.
 const LENSES: [&str; 4] = ["toml", "zmx", "seq", "json"];
@@ -100,11 +104,18 @@ pub fn inline_experiment(job: &str, request: &Value) -> Option<&'static str> {
     match request {
         Value::Array(values) => values.iter().find_map(|value| inline_experiment(job, value)),
         Value::Object(keys) => {
-            let own = EXPERIMENTS.into_iter().find(|key| keys.get(*key).is_some_and(Value::is_object));
+            let is_inline = |of: &Value| of.is_object() && !(FITTING.contains(&job) && is_lens(of));
+            let own = EXPERIMENTS.into_iter().find(|key| keys.get(*key).is_some_and(is_inline));
             own.or_else(|| keys.values().find_map(|value| inline_experiment(job, value)))
         }
         Value::Null | Value::Bool(_) | Value::Number(_) | Value::String(_) => None,
     }
+}
+
+/// Whether it is the text of a lens, by which the jobs decide as well.
+fn is_lens(value: &Value) -> bool {
+    let keys = value.as_object().filter(|keys| keys.len() == 1);
+    keys.and_then(|keys| keys.get("toml")?.as_str()).is_some_and(is_lens_text)
 }
 
 #[cfg(test)]
@@ -142,12 +153,20 @@ mod tests {
     #[test]
     fn experiments_are_named_and_not_sent() {
         let toml = json!({"toml": "photos = \"/etc\""});
+        let lens = json!({"toml": "[[surface]]\nstop = true\n"});
         for (job, request, key) in [
             ("design", json!({"run": {"new": {"experiment": toml}}}), "experiment"),
             ("design", json!({"run": {"new": {"experiment": {"photos": "/etc"}}}}), "experiment"),
             ("task-view", json!({"experiment": {}, "lens": {"toml": "x"}}), "experiment"),
             ("data-check", json!({"folder": "x", "classes_of": toml}), "classes_of"),
             ("init", json!({"from": toml}), "from"),
+            ("task-view", json!({"experiment": lens}), "experiment"),
+            ("data-check", json!({"classes_of": lens}), "classes_of"),
+            (
+                "design",
+                json!({"run": {"new": {"experiment": {"toml": lens["toml"], "photos": "/etc"}}}}),
+                "experiment",
+            ),
         ] {
             assert_eq!(inline_experiment(job, &request), Some(key), "{request}");
         }
@@ -156,6 +175,9 @@ mod tests {
             ("task-view", json!({"experiment": "", "start": toml})),
             ("lens-convert", json!({"from": toml, "to": "x.toml"})),
             ("init", json!({"from": "own.toml"})),
+            // A lens, to which an experiment is fitted.
+            ("design-config", json!({"run": {"experiment": lens}})),
+            ("design", json!({"run": {"new": {"experiment": lens}}})),
         ] {
             assert_eq!(inline_experiment(job, &request), None, "{request}");
         }

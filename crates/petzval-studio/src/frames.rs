@@ -118,6 +118,11 @@ pub fn close(wrong: Option<Wrong>) -> Vec<u8> {
     frame(CLOSE, &(wrong.map_or(1000, |wrong| wrong as u16)).to_be_bytes())
 }
 
+/// Whether a frame of the server is the last one.
+pub fn is_close(frame: &[u8]) -> bool {
+    frame.first() == Some(&(0x80 | CLOSE))
+}
+
 /// Reads frames of a client. What has come of a message stays until its end.
 pub struct Reader<R> {
     stream: R,
@@ -271,6 +276,7 @@ mod tests {
         }
         assert_eq!(reader(&masked(0x88, &[])).hear().unwrap(), Heard::Close);
         assert_eq!(close(Some(Wrong::Size)), [0x88, 2, 0x03, 0xF1]);
+        assert!(is_close(&close(None)) && !is_close(&ping()) && !is_close(&text("Hello")));
     }
 
     #[test]

@@ -2,18 +2,54 @@
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use petzval_base::FileError;
 use petzval_jobs::{ErrorReport, Event};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 /// A message of the page.
-#[derive(Debug, PartialEq, Deserialize)]
-#[serde(untagged)]
+#[derive(Debug, PartialEq)]
 pub enum Incoming {
     /// Cancel a call: it ends with an error of the kind `stopped`.
     Cancel(CancelCall),
     /// Make a call.
     Call(MakeCall),
+}
+
+/// Why a message of the page is none.
+#[derive(Debug)]
+pub struct Unreadable {
+    /// The call that it is about, if that can be read.
+    pub id: Option<u64>,
+    /// What is wrong, with the key.
+    pub error: Box<ErrorReport>,
+}
+
+impl Incoming {
+    /// Reads a message. What is wrong is said with its key and a hint.
+    pub fn read(text: &str) -> Result<Self, Unreadable> {
+        const FORMS: &str =
+            "a message is {\"id\": NUMBER, \"job\": NAME, \"request\": {...}} or {\"cancel\": NUMBER}";
+        let refused = |id, message: String, hint: Option<String>| {
+            let end = |hint: &str| if hint.ends_with(['?', '.', '!']) { "" } else { ";" };
+            let hint = hint.map_or_else(|| FORMS.to_owned(), |hint| format!("{hint}{} {FORMS}", end(&hint)));
+            Unreadable { id, error: refusal(format!("message: {message}"), &hint) }
+        };
+        let value: Value = serde_json::from_str(text).map_err(|e| refused(None, e.to_string(), None))?;
+        let id = value.get("id").and_then(Value::as_u64);
+        if !value.is_object() {
+            return Err(refused(None, "expected an object".to_owned(), None));
+        }
+        let read = if value.get("cancel").is_some() {
+            serde_path_to_error::deserialize(value).map(Self::Cancel)
+        } else {
+            serde_path_to_error::deserialize(value).map(Self::Call)
+        };
+        read.map_err(|error| {
+            let error = FileError::of_value(&error.path().to_string(), &error.inner().to_string());
+            refused(id, FileError { hint: None, ..error.clone() }.to_string(), error.hint)
+        })
+    }
 }
 
 /// A call that is to end.
@@ -155,19 +191,30 @@ mod tests {
 
     #[test]
     fn a_message_is_a_call_or_its_end() {
-        let read = |text: &str| serde_json::from_str::<Incoming>(text);
+        let read = Incoming::read;
         assert_eq!(read(r#"{"cancel": 3}"#).unwrap(), Incoming::Cancel(CancelCall { cancel: 3 }));
         let Incoming::Call(call) = read(r#"{"id": 1, "job": "lens-list"}"#).unwrap() else { panic!() };
         assert_eq!((call.id, call.job.as_str(), call.live), (1, "lens-list", None));
-        for wrong in [
-            "",
-            "[]",
-            "{}",
-            r#"{"id": 1}"#,
-            r#"{"id": 1, "job": "x", "more": 1}"#,
-            r#"{"id": -1, "job": "x"}"#,
+        for (wrong, id, says, hint) in [
+            ("", None, "message: EOF", "a message is {"),
+            ("[]", None, "message: expected an object", "a message is {"),
+            ("{}", None, "message: the key `id` is missing", "a message is {"),
+            (r#"{"id": 1}"#, Some(1), "message: the key `job` is missing", "a message is {"),
+            (
+                r#"{"id": 1, "job": "x", "requst": {}}"#,
+                Some(1),
+                "`requst`: no such key here",
+                "did you mean `request`?",
+            ),
+            (r#"{"id": -1, "job": "x"}"#, None, "`id`", "a message is {"),
+            (r#"{"id": 7, "job": 3}"#, Some(7), "`job`", "put the value in quotes; a message is {"),
+            (r#"{"cancel": "x"}"#, None, "`cancel`", "a message is {"),
+            (r#"{"cancel": 3, "id": 4}"#, Some(4), "`id`: no such key here", "a message is {"),
         ] {
-            assert!(read(wrong).is_err(), "{wrong}");
+            let refused = read(wrong).unwrap_err();
+            assert_eq!(refused.id, id, "{wrong}");
+            assert!(refused.error.message.contains(says), "{wrong}: {}", refused.error.message);
+            assert!(refused.error.hint.contains(hint), "{wrong}: {}", refused.error.hint);
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The WebSocket of a page: calls come in, events and responses go out.
 
-use std::io::{self, ErrorKind};
+use std::io::{self, ErrorKind, Read};
 use std::net::{Shutdown, TcpStream};
 use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use crate::calls::AtWork;
 use crate::frames::{self, Heard, ReadError, Reader};
 use crate::http::{Answer, Head, head_text, write_within};
-use crate::message::{Incoming, Outgoing, refusal};
+use crate::message::{Incoming, Outgoing, Unreadable};
 use crate::outbox::Outbox;
 use crate::page;
 use crate::shared::Shared;
@@ -18,6 +18,9 @@ const MOST_MESSAGE: u64 = 20 << 20;
 
 /// Time in which a page must take a message.
 const TO_TAKE: Duration = Duration::from_secs(20);
+
+/// Time in which a page must end its connection after the last frame.
+const TO_END: Duration = Duration::from_secs(2);
 
 /// How often a page is pinged, and the silence after which it counts as gone.
 const PING_EVERY: Duration = Duration::from_secs(15);
@@ -46,25 +49,48 @@ pub fn serve(stream: &TcpStream, number: u64, head: &Head, rest: Vec<u8>, shared
     let (page, waiting) = Outbox::new();
     let writing = stream.try_clone()?;
     let writer = std::thread::Builder::new().name("studio answers".to_owned());
-    writer.spawn(move || write(&writing, &waiting))?;
+    let writer = writer.spawn(move || write(&writing, &waiting))?;
     stream.set_read_timeout(Some(PING_EVERY))?;
-    hear(Reader::new(stream, rest, MOST_MESSAGE), &page, shared);
+    if let Some(end) = hear(Reader::new(stream, rest, MOST_MESSAGE), &page, shared) {
+        page.send_frame(end);
+        drop(page);
+        // The caller ends the connection: only once the frame is written, and what the page still sends is read. A connection that ends with
+        // bytes unread takes what it has written with it.
+        let _ended = writer.join();
+        hear_out(stream);
+    }
     Ok(())
 }
 
-/// Writes what waits for a page, until the last sender is gone or the page takes nothing any more.
+/// Writes what waits for a page, until its last frame, until the last sender is gone, or until the page takes nothing any more.
 fn write(stream: &TcpStream, waiting: &Receiver<Vec<u8>>) {
     for frame in waiting {
         if write_within(stream, &frame, TO_TAKE).is_err() {
             break;
+        }
+        if frames::is_close(&frame) {
+            let _gone = stream.shutdown(Shutdown::Write);
+            return;
         }
     }
     // The reader ends as well.
     let _gone = stream.shutdown(Shutdown::Both);
 }
 
-/// Hears a page until it goes. Its calls end with it.
-fn hear(mut reader: Reader<&TcpStream>, page: &Outbox, shared: &Shared) {
+/// Reads what a page still sends after the last frame, until it ends the connection or the time is over.
+fn hear_out(mut stream: &TcpStream) {
+    let begun = Instant::now();
+    let mut piece = [0; 16 << 10];
+    while let Some(left) = TO_END.checked_sub(begun.elapsed()).filter(|left| !left.is_zero()) {
+        let is_timed = stream.set_read_timeout(Some(left)).is_ok();
+        if !is_timed || matches!(stream.read(&mut piece), Ok(0) | Err(_)) {
+            return;
+        }
+    }
+}
+
+/// Hears a page until it goes. Its calls end with it. Returns the last frame for a page that can still read it.
+fn hear(mut reader: Reader<&TcpStream>, page: &Outbox, shared: &Shared) -> Option<Vec<u8>> {
     let at_work = AtWork::default();
     let mut heard = Instant::now();
     loop {
@@ -77,32 +103,26 @@ fn hear(mut reader: Reader<&TcpStream>, page: &Outbox, shared: &Shared) {
                         page.offer(frames::pong(&payload));
                     }
                     Heard::Pong => {}
-                    Heard::Close => {
-                        page.offer(frames::close(None));
-                        return;
-                    }
+                    Heard::Close => return Some(frames::close(None)),
                 }
             }
             Err(ReadError::Io(error))
                 if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) =>
             {
                 if heard.elapsed() > SILENT_FOR {
-                    return;
+                    return None;
                 }
                 page.offer(frames::ping());
             }
-            Err(ReadError::Io(_)) => return,
-            Err(ReadError::Wrong(wrong)) => {
-                page.offer(frames::close(Some(wrong)));
-                return;
-            }
+            Err(ReadError::Io(_)) => return None,
+            Err(ReadError::Wrong(wrong)) => return Some(frames::close(Some(wrong))),
         }
     }
 }
 
 /// Takes a message.
 fn take(text: &str, at_work: &AtWork, page: &Outbox, shared: &Shared) {
-    match serde_json::from_str(text) {
+    match Incoming::read(text) {
         Ok(Incoming::Cancel(cancel)) => at_work.cancel(cancel.cancel),
         Ok(Incoming::Call(call)) => {
             let id = call.id;
@@ -110,11 +130,6 @@ fn take(text: &str, at_work: &AtWork, page: &Outbox, shared: &Shared) {
                 page.send(&Outgoing::Error { id: Some(id), error: &refused }.text());
             }
         }
-        Err(error) => {
-            let hint =
-                "a message is {\"id\": NUMBER, \"job\": NAME, \"request\": {...}} or {\"cancel\": NUMBER}";
-            let refused = refusal(format!("message: {error}"), hint);
-            page.send(&Outgoing::Error { id: None, error: &refused }.text());
-        }
+        Err(Unreadable { id, error }) => page.send(&Outgoing::Error { id, error: &error }.text()),
     }
 }

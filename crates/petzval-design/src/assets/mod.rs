@@ -89,7 +89,7 @@ impl Assets {
     }
 
     /// The text that is in no file of this name.
-    fn text_in_no_file(&self, name: &str) -> Option<&str> {
+    pub fn text_in_no_file(&self, name: &str) -> Option<&str> {
         self.texts.iter().find(|(known, _)| known == name).map(|(_, text)| text.as_str())
     }
 

@@ -4,14 +4,16 @@ use std::fs;
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
-use super::folder::{LOCK, PARTS, RunFolder, RunLock};
+use petzval_base::WorkLock;
+
+use super::folder::{LOCK, PARTS, RunFolder};
 use crate::error::{DesignError, Result};
 
 /// The folder of a run that begins: locked, with the list of what was made for it.
 #[derive(Debug)]
 pub struct BegunRun {
     folder: RunFolder,
-    lock: RunLock,
+    lock: WorkLock,
     /// The folder itself and its parents, as far as they were not there: the outermost first.
     above: Vec<PathBuf>,
     /// Folders in it that were not there.
@@ -58,7 +60,7 @@ impl BegunRun {
     }
 
     /// The folder, and the lock that keeps other processes away until it is dropped.
-    pub fn keep(self) -> (RunFolder, RunLock) {
+    pub fn keep(self) -> (RunFolder, WorkLock) {
         (self.folder, self.lock)
     }
 

@@ -1,11 +1,9 @@
 //! Paths of a run folder, and writing that is never seen half done.
 
 use std::fs;
-use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
-use petzval_base::{sweep_parts, write_whole};
+use petzval_base::{WorkLock, sweep_parts, write_whole};
 use serde::de::DeserializeOwned;
 
 use super::holder::Holder;
@@ -19,59 +17,6 @@ pub(super) const LOCK: &str = "run.lock";
 
 /// The folders that every run has.
 pub(super) const PARTS: [&str; 5] = ["checkpoints", "lens", "cameras", "pictures", "inputs"];
-
-/// Further tries to lock a run, and the time between them.
-const TRIES: usize = 5;
-const BETWEEN_TRIES: Duration = Duration::from_millis(20);
-
-/// A lock on a run folder, in whose file the process at work has its name. Dropped, the file is what it was before: a run that is refused stays
-/// as it is.
-#[derive(Debug)]
-pub struct RunLock {
-    file: fs::File,
-    before: Vec<u8>,
-}
-
-impl RunLock {
-    /// Of a file that is locked. No more is read than it holds now.
-    fn of(mut file: fs::File) -> io::Result<Self> {
-        let mut before = Vec::new();
-        let length = file.metadata()?.len();
-        (&mut file).take(length).read_to_end(&mut before)?;
-        Ok(Self { file, before })
-    }
-
-    fn write(&mut self, contents: &[u8]) -> io::Result<()> {
-        self.file.rewind()?;
-        self.file.set_len(0)?;
-        self.file.write_all(contents)
-    }
-}
-
-impl Drop for RunLock {
-    fn drop(&mut self) {
-        // A name that stays does no harm: only a lock that is held counts.
-        let before = std::mem::take(&mut self.before);
-        let _stays = self.write(&before);
-        // Closing would not do: a program that is just being started holds a copy of the open file.
-        let _ends_with_the_process = self.file.unlock();
-    }
-}
-
-/// Whether an open file is still the one of this path.
-#[cfg(unix)]
-fn is_at(file: &fs::File, path: &Path) -> bool {
-    use std::os::unix::fs::MetadataExt;
-
-    let place = |found: io::Result<fs::Metadata>| found.ok().map(|found| (found.dev(), found.ino()));
-    place(file.metadata()).is_some_and(|own| place(fs::metadata(path)) == Some(own))
-}
-
-/// Whether a file of this path is there: others that are open under the same name cannot be told apart here.
-#[cfg(not(unix))]
-fn is_at(_: &fs::File, path: &Path) -> bool {
-    path.exists()
-}
 
 /// A run folder on disk.
 #[derive(Clone, Debug)]
@@ -135,34 +80,11 @@ impl RunFolder {
     }
 
     /// Keeps other processes from working in this folder until the returned lock is dropped.
-    pub fn lock(&self) -> Result<RunLock> {
+    pub fn lock(&self) -> Result<WorkLock> {
         let path = self.root.join(LOCK);
-        // The process that holds the lock has written its name into the file: it is not truncated before the lock is held.
-        let mut options = fs::OpenOptions::new();
-        options.read(true).write(true).create(true).truncate(false);
-        let tried = || -> Result<(fs::File, Result<(), fs::TryLockError>)> {
-            let file = options.open(&path).map_err(DesignError::io(&path))?;
-            let locked = match file.try_lock() {
-                // A run that was refused has taken the file away: its lock keeps nobody out.
-                Ok(()) if !is_at(&file, &path) => Err(fs::TryLockError::WouldBlock),
-                locked => locked,
-            };
-            Ok((file, locked))
-        };
-        // Whoever looks whether a process is at work holds a shared lock for a moment.
-        let (mut file, mut locked) = tried()?;
-        for _ in 0..TRIES {
-            if !matches!(locked, Err(fs::TryLockError::WouldBlock)) {
-                break;
-            }
-            std::thread::sleep(BETWEEN_TRIES);
-            (file, locked) = tried()?;
-        }
-        match locked {
-            Ok(()) => {
-                let holder = DesignError::json("the process at work", Holder::own())?;
-                let mut lock = RunLock::of(file).map_err(DesignError::io(&path))?;
-                lock.write(holder.as_bytes()).map_err(DesignError::io(&path))?;
+        let holder = DesignError::json("the process at work", Holder::own())?;
+        match WorkLock::kept(&path, holder.as_bytes()) {
+            Ok(lock) => {
                 self.sweep();
                 Ok(lock)
             }

@@ -31,7 +31,7 @@ pub use digests::{
     sha256_of_file,
 };
 pub use events::{Event, EventLog, SCORE, read_events};
-pub use folder::{RunFolder, RunLock, write_file};
+pub use folder::{RunFolder, write_file};
 pub(crate) use folder::{read_json, read_json_if_there};
 pub use holder::Holder;
 pub use made::{MadeFigures, MadeMetrics, MadeRow};

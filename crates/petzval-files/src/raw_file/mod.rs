@@ -45,7 +45,7 @@ pub(crate) use sidecar::Keys as SidecarKeys;
 pub use sidecar::{Sidecar, sidecar_path};
 pub use statistics::{ColourStatistics, colour_statistics};
 
-use petzval_base::write_whole;
+use petzval_base::{create_whole, write_whole};
 
 /// Reads a frame of digital numbers of at most 16 bits that are linear in light. The file's first bytes or its extension determine the
 /// format; a packed frame needs a sidecar.
@@ -163,9 +163,23 @@ pub fn load_raw_page(path: &Path, page: usize) -> Result<RawFrame, RawFileError>
 ///
 /// The sidecar is always written, so that an old sidecar of another frame of the same name is replaced.
 pub fn save_raw(frame: &RawFrame, path: &Path, format: RawFormat) -> Result<(), RawFileError> {
+    save_with(write_whole, frame, path, format)
+}
+
+/// The same where no file is; fails with `AlreadyExists` of the system if there is one.
+pub fn create_raw(frame: &RawFrame, path: &Path, format: RawFormat) -> Result<(), RawFileError> {
+    save_with(create_whole, frame, path, format)
+}
+
+fn save_with(
+    write: impl Fn(&Path, &[u8]) -> std::io::Result<()>,
+    frame: &RawFrame,
+    path: &Path,
+    format: RawFormat,
+) -> Result<(), RawFileError> {
     let (bytes, sidecar) = encode(frame, path, format)?;
     let beside = sidecar_path(path);
-    write_whole(path, &bytes).map_err(RawFileError::io(path))?;
+    write(path, &bytes).map_err(RawFileError::io(path))?;
     write_whole(&beside, sidecar.to_toml().as_bytes()).map_err(RawFileError::io(&beside))
 }
 

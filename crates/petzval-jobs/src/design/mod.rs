@@ -182,8 +182,11 @@ pub(crate) const UNIT: AsUnit<Request> = AsUnit {
     }),
     behind: Some(|request, context| match &request.run {
         // The experiment that is made for a lens names built-in inputs alone.
-        Run::New(new) if !is_lens(&new.experiment.name(), context) => Ok(inputs_of(&resolved(new, context)?)),
-        _ => Ok(Vec::new()),
+        Run::New(new) => {
+            let (name, placed) = new.experiment.placed(context)?;
+            if is_lens(&name, &placed) { Ok(Vec::new()) } else { Ok(inputs_of(&resolved(new, context)?)) }
+        }
+        Run::Resume(_) => Ok(Vec::new()),
     }),
 };
 
@@ -395,7 +398,7 @@ fn looked_at(
     check_root(new, &experiment, context)?;
     let setup = set_up(experiment, device, &own)?;
     let name = new.experiment.name();
-    let source = if is_lens(&name, context) {
+    let source = if is_lens(&name, &own) {
         // There is no file of the experiment to show.
         Text { path: PathBuf::from(name.as_ref()), text: String::new() }
     } else {
@@ -559,7 +562,9 @@ pub(crate) fn prepared(new: &NewRun, context: &Context) -> Result<NewExperiment>
     // Windows and the grid of the PSFs are fitted to the photographs of the run.
     let usual = Experiment { photos: as_requested.photos, ..usual };
     let made = own_lens(usual, name, None, context)?;
+    let is_in_no_file = context.assets.text_in_no_file(name).is_some();
     let stem = Path::new(name).file_stem().unwrap_or_default().to_string_lossy();
+    let stem = if is_in_no_file { "lens".into() } else { stem };
     let fitted = format!("{stem}{FITTED}");
     let files = [("lenses", made.lens_text), ("sensors", made.sensor_text)];
     let files = files.map(|(folder, text)| (format!("{folder}/{fitted}.toml"), text));

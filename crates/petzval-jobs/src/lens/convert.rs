@@ -11,10 +11,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::as_unit::{AsUnit, within};
 use crate::context::Context;
-use crate::error::{JobError, Result, write_file};
+use crate::error::{JobError, Result};
 use crate::finite::finite;
 use crate::input::LensInput;
-use crate::results::check_file;
+use crate::results::{check_file, write_result};
 
 /// A lens to be written in Petzval's format (`.toml`), Zemax's (`.zmx`) or CODE V's (`.seq`).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -78,7 +78,7 @@ pub(super) fn write_as_named(file: &LensFile, to: &Path, context: &Context) -> R
     };
     let export = export.map_err(|error| not_writable(to, &error))?;
     check_file(to, context)?;
-    write_file(to, encoded(to, &export.text))?;
+    write_result(to, encoded(to, &export.text), context)?;
     context.wrote(to, "lens");
     Ok(export)
 }

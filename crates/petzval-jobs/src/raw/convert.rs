@@ -1,10 +1,13 @@
 //! `raw convert`: a raw frame in another format.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf, absolute};
 
 use petzval_camera::sensor::OutOfRange;
 use petzval_design::path_text::path_text;
-use petzval_files::raw_file::{RawFormat, RawFrame, RawInfo, load_any_raw, save_raw, sidecar_path};
+use petzval_files::raw_file::{
+    RawFileError, RawFormat, RawFrame, RawInfo, create_raw, load_any_raw, save_raw, sidecar_path,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -13,7 +16,7 @@ use crate::as_unit::{AsUnit, within};
 use crate::context::Context;
 use crate::error::{JobError, Result};
 use crate::range::check_ranges;
-use crate::results::check_file;
+use crate::results::{check_file, there_already};
 
 pub use petzval_camera::sensor::CfaPattern;
 pub use petzval_files::raw_file::Packing;
@@ -86,7 +89,13 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let bits = frame.info.bits.unwrap_or(16);
     check_bits(request, &frame, bits)?;
     check_file(&request.output, context)?;
-    save_raw(&frame, &request.output, request.format(bits)?)?;
+    let save = if context.overwrites() { save_raw } else { create_raw };
+    save(&frame, &request.output, request.format(bits)?).map_err(|error| match error {
+        RawFileError::Io { ref path, ref source } if source.kind() == ErrorKind::AlreadyExists => {
+            there_already(path)
+        }
+        other => other.into(),
+    })?;
     context.wrote(&request.output, "raw frame");
     if let Some(said) = what_is_unknown(&frame.info) {
         context.note(format!("{} {said}", sidecar_path(&request.output).display()));

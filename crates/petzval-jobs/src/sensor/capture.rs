@@ -15,6 +15,7 @@ use crate::error::{JobError, Result, make_folder};
 use crate::frames;
 use crate::input::SensorInput;
 use crate::range::check_ranges;
+use crate::state_file::{CAPTURES, lock_folder};
 
 pub use petzval_lab::emva::{Series, SeriesFrame};
 
@@ -131,7 +132,6 @@ pub(crate) const UNIT: AsUnit<Request> =
 /// Exposes and writes the frames that the folder does not hold yet, and lists all of them.
 pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let (sensor, plan) = prepared(request, context)?;
-    // The folder is made later, once the whole series is known to be possible.
     if request.out.exists() && !request.out.is_dir() {
         make_folder(&request.out)?;
     }
@@ -143,6 +143,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
             "the list states no photons; --quantum-efficiency QE gives them, or --wavelength UM where the sensor file has curves",
         );
     }
+    // Nothing is made before the whole series is known to be possible.
+    Series::new(&sensor, &plan)?;
+    make_folder(&request.out)?;
+    let _lock = lock_folder(&request.out, CAPTURES)?;
     let frames = frames::Frames::new(context, total);
     // The frames that are whole stay, and the same request goes on from them.
     let written = write_series(&sensor, &plan, &request.out, &|| frames.add("exposing"));

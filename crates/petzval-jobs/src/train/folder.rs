@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use petzval_base::WorkLock;
 use petzval_design::error::DesignError;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -17,6 +18,9 @@ const KEEP_EVERY: usize = 250;
 
 /// A state is kept after so long at the latest, however long steps take.
 const KEEP_WITHIN: Duration = Duration::from_secs(60);
+
+/// File of the state from which a training continues.
+const STATE: &str = "training.json";
 
 /// File of the weights.
 pub(super) const WEIGHTS: &str = "weights.bin";
@@ -116,47 +120,53 @@ pub(super) fn train<T: Training, P: Serialize, I: Serialize>(
     Ok(())
 }
 
-/// The folder of a training.
-pub(super) struct TrainingFolder(pub(super) PathBuf);
+/// The folder of a training, locked while it is open.
+pub(super) struct TrainingFolder {
+    root: PathBuf,
+    _lock: WorkLock,
+}
 
 impl TrainingFolder {
-    /// Makes the folder; refuses one that already holds a training.
+    /// Makes the folder; refuses one that already holds a training, or in which another process trains.
     pub fn create(root: &Path) -> Result<Self> {
-        let folder = Self(root.to_owned());
-        make_new_folder(root, &folder.training(), "training")?;
-        Ok(folder)
+        let lock = make_new_folder(root, &root.join(STATE), "training")?;
+        Ok(Self { root: root.to_owned(), _lock: lock })
     }
 
     /// Whether a folder holds a training.
     pub fn is_in(root: &Path) -> bool {
-        Self(root.to_owned()).training().is_file()
+        root.join(STATE).is_file()
     }
 
     /// Reads the training in a folder.
     pub fn open<K: DeserializeOwned>(root: &Path) -> Result<(Self, K)> {
-        let folder = Self(root.to_owned());
         let hint = "--resume takes the --out folder of an earlier training of the same kind";
-        let kept = read_state(root, &folder.training(), hint)?;
-        Ok((folder, kept))
+        let (kept, lock) = read_state(root, &root.join(STATE), "training", hint)?;
+        Ok((Self { root: root.to_owned(), _lock: lock }, kept))
+    }
+
+    /// The folder itself.
+    pub fn root(&self) -> &Path {
+        &self.root
     }
 
     /// Description of the finished network.
     pub fn description(&self) -> PathBuf {
-        self.0.join("proxy.toml")
+        self.root.join("proxy.toml")
     }
 
     /// Page of its pictures.
     pub fn page(&self) -> PathBuf {
-        self.0.join("proxy.html")
+        self.root.join("proxy.html")
     }
 
     fn training(&self) -> PathBuf {
-        self.0.join("training.json")
+        self.root.join(STATE)
     }
 
     /// Files of weights and optimiser after a step.
     fn parts(&self, step: usize) -> [PathBuf; 2] {
-        ["weights", "optimizer"].map(|part| self.0.join(format!("{part}-{step:07}.bin")))
+        ["weights", "optimizer"].map(|part| self.root.join(format!("{part}-{step:07}.bin")))
     }
 
     /// Weights and optimiser after a step.
@@ -177,8 +187,8 @@ impl TrainingFolder {
 
     fn remove_states_but(&self, step: usize) -> Result<()> {
         let kept = self.parts(step);
-        for entry in std::fs::read_dir(&self.0).map_err(DesignError::io(&self.0))? {
-            let path = entry.map_err(DesignError::io(&self.0))?.path();
+        for entry in std::fs::read_dir(&self.root).map_err(DesignError::io(&self.root))? {
+            let path = entry.map_err(DesignError::io(&self.root))?.path();
             let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
             let is_state = ["weights-", "optimizer-"].iter().any(|start| name.starts_with(start));
             if is_state && name.ends_with(".bin") && !kept.contains(&path) {
@@ -198,8 +208,8 @@ impl TrainingFolder {
         context: &Context,
     ) -> Result<()> {
         let text = toml::to_string(description).map_err(|e| JobError::failed(e.to_string()))?;
-        let others = others.iter().map(|(name, text)| (self.0.join(name), text.as_bytes()));
-        let weights = [(self.0.join(WEIGHTS), weights), (self.0.join(SAFETENSORS), safetensors)];
+        let others = others.iter().map(|(name, text)| (self.root.join(name), text.as_bytes()));
+        let weights = [(self.root.join(WEIGHTS), weights), (self.root.join(SAFETENSORS), safetensors)];
         let first = weights.into_iter().chain([(self.page(), page.as_bytes())]);
         let last = (self.description(), text.as_bytes());
         for (path, bytes) in first.chain(others).chain([last]) {

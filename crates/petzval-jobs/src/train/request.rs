@@ -92,8 +92,8 @@ pub(super) fn stopped<P: Serialize>(
     response: &impl Serialize,
     context: &Context,
 ) -> JobError {
-    let again: Request<P> = Request::Resume { folder: folder.0.clone() };
-    let stopped = context.stopped(format!("stopped after {steps} steps")).keeping(&folder.0);
+    let again: Request<P> = Request::Resume { folder: folder.root().to_owned() };
+    let stopped = context.stopped(format!("stopped after {steps} steps")).keeping(folder.root());
     stopped.going_on_with(&again).with_response(response).into()
 }
 

@@ -92,6 +92,22 @@ fn an_inline_experiment_is_looked_at_as_its_file() {
 }
 
 #[test]
+fn an_experiment_is_fitted_to_an_inline_lens_as_to_its_file() {
+    let here = tempfile::tempdir().unwrap();
+    let file = here.path().join("own.toml");
+    std::fs::write(&file, text("lenses", LENS)).unwrap();
+    let config = |experiment: Value| {
+        let mut found = run("design-config", &json!({"run": {"experiment": experiment}})).unwrap();
+        let values = found["values"].take();
+        (values["lens"].clone(), values["psf"].clone(), values["variant"].clone())
+    };
+    let (lens, psf, variants) = config(json!({"toml": text("lenses", LENS)}));
+    assert_eq!(lens, "lens (fitted)");
+    let of_file = config(json!(file));
+    assert_eq!((psf, variants), (of_file.1, of_file.2));
+}
+
+#[test]
 fn errors_in_what_a_request_holds_name_the_line_and_the_key() {
     let lens = text("lenses", LENS);
     let line = lens.lines().position(|line| line.starts_with("units")).unwrap() + 1;

@@ -110,6 +110,10 @@ fn an_experiment_is_named_and_its_text_is_refused() {
         assert!(end["error"]["message"].as_str().unwrap().contains("by its name alone"), "{job}: {end}");
     }
     page.call("design-config", json!({"run": {"experiment": "cooke-triplet-image-quality"}}));
+    // The text of a lens names no files: an experiment is fitted to it.
+    let lens = petzval_jobs::built_in_assets().text("lens", "lenses", "cooke-triplet-nominal").unwrap().text;
+    let config = page.call("design-config", json!({"run": {"experiment": {"toml": lens}}}));
+    assert_eq!(config["values"]["lens"], "lens (fitted)");
 }
 
 #[test]
@@ -170,11 +174,31 @@ fn a_message_of_100_mb_ends_its_page_alone() {
     let mut page = server.page();
     // The server may close while the message is still being sent.
     let _refused = page.say(&"x".repeat(100 << 20));
-    // Before the end there may be the frame that says why: 1009.
+    // Before the end there may be the frame that says why, unless the sending has failed already: 1009.
     while let Ok((kind, payload)) = page.frame() {
         assert_eq!((kind, payload), (8, 1009_u16.to_be_bytes().to_vec()));
     }
     assert!(!other.call("lens-list", json!({}))["lenses"].as_array().unwrap().is_empty());
+}
+
+#[test]
+fn a_page_reads_why_its_socket_ends() {
+    let server = Server::start();
+    for (frame, code) in [
+        (&[0x81, 0x01, b'x'][..], 1002_u16),
+        (&[0x82, 0x81, 0, 0, 0, 0, b'x'], 1003),
+        (&[0x81, 0x81, 0, 0, 0, 0, 0xFF], 1007),
+        (&[0x81, 0xFF, 0, 0, 0, 0, 6, 0, 0, 0], 1009),
+        (&[0x88, 0x80, 0, 0, 0, 0], 1000),
+    ] {
+        // Several times: whether the end comes before its frame is a matter of chance. Bytes behind the wrong frame change nothing.
+        for _ in 0..10 {
+            let mut page = server.page();
+            page.stream.write_all(&[frame, &[7; 100_000][..]].concat()).unwrap();
+            assert_eq!(page.frame().unwrap(), (8, code.to_be_bytes().to_vec()));
+            assert_eq!(page.stream.read(&mut [0; 8]).unwrap(), 0);
+        }
+    }
 }
 
 #[test]

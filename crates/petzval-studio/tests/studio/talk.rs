@@ -19,7 +19,8 @@ fn calls_are_answered_and_what_cannot_be_read_is_named() {
     assert!(view["problems"].as_array().unwrap().is_empty());
     for (message, says) in [
         ("{", "message: "),
-        ("{\"id\": 5}", "message: "),
+        ("{\"id\": 5}", "message: the key `job` is missing"),
+        ("{\"id\": 5, \"jbo\": \"lens-list\"}", "\"id\":5"),
         ("{\"id\": 5, \"job\": \"lens-vieww\"}", "did you mean `lens-view`?"),
         ("{\"id\": 5, \"job\": \"lens-view\", \"request\": {\"lenz\": 1}}", "missing"),
         ("{\"id\": 5, \"job\": \"lens-edit\", \"request\": {\"lens\": {\"toml\": \"x\"}}}", "lens (inline)"),

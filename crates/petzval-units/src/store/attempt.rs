@@ -33,7 +33,8 @@ pub enum Begun {
 const MOST_ATTEMPTS: u32 = 200;
 
 impl Store {
-    /// Begins a unit, unless it has ended or another process has it. One that failed is begun again if `retries`.
+    /// Begins a unit, unless it has ended or another process has it. One that failed is begun again if `retries`; one whose folder is damaged as well,
+    /// and the folder is set aside.
     ///
     /// `seen` remembers since when claims are unchanged; a process keeps it for as long as it looks.
     pub fn begin(
@@ -49,7 +50,11 @@ impl Store {
             UnitState::Running { claim, .. } => return Ok(Begun::Elsewhere(claim)),
             UnitState::Failed(failure) if !retries => return Ok(Begun::Failed(failure)),
             UnitState::Failed(failure) => failure.attempt + 1,
-            UnitState::Damaged(error) => return Ok(Begun::Damaged(error)),
+            UnitState::Damaged(error) if !retries => return Ok(Begun::Damaged(error)),
+            UnitState::Damaged(_) => {
+                self.set_aside(key)?;
+                1
+            }
             UnitState::Waiting => 1,
             UnitState::Stopped { attempt } | UnitState::Stale { attempt, .. } => attempt + 1,
         };
@@ -96,6 +101,16 @@ impl Store {
             return Ok(Begun::Done(Box::new(result)));
         }
         Ok(Begun::Mine(Box::new(attempt)))
+    }
+
+    /// Gives the folder of a unit a name that is none of a unit: what is in it can be looked at.
+    fn set_aside(&self, key: &Key) -> Result<(), StoreError> {
+        let (folder, mut number) = (self.folder(key), 1);
+        let aside = |number: u32| self.root().join(format!(".damaged-{}-{number}", key.as_str()));
+        while self.layer.is_folder(&aside(number)) {
+            number += 1;
+        }
+        self.layer.rename_folder(&folder, &aside(number)).map_err(StoreError::io(&folder))
     }
 }
 

@@ -76,10 +76,6 @@ pub fn gather_tolerances(
         parts.sort_by_key(|part| part.made.as_ref().map_or(0, |made| made.part.from));
         let own = |out: &Path| if is_alone { out.to_owned() } else { out.join((number + 1).to_string()) };
         let request = tolerance::Request { out: out.map(own), ..request };
-        if let Some(folder) = &request.out {
-            std::fs::create_dir_all(folder)
-                .map_err(|e| JobError::failed(format!("{}: {e}", folder.display())))?;
-        }
         Ok(Joined { response: tolerance::join(&request, &parts, context)?, units: names })
     };
     groups.into_iter().enumerate().map(joined).collect()

@@ -86,6 +86,11 @@ impl Store {
     /// A store on a file layer and a clock of its own.
     pub fn on(root: &Path, layer: Arc<dyn FileLayer>, clock: Arc<dyn Clock>) -> Result<Self, StoreError> {
         let root = std::path::absolute(root).map_err(StoreError::io(root))?;
+        // What counts is the nearest part of the path that is there.
+        if let Some(file) = root.ancestors().find(|part| part.exists()).filter(|part| !part.is_dir()) {
+            let hint = "give the folder of a store; it is made if it does not exist";
+            return Err(StoreError::wrong(file, "this is a file", hint));
+        }
         let store = Self { root, layer, clock };
         let path = store.root.join(STORE);
         let own = StoreRecord { format: STORE_FORMAT, program: PROGRAM.to_owned() };
@@ -150,7 +155,11 @@ impl Store {
             Some(other) if other.key != *key => {
                 let (name, short) = (&other.unit.name, other.key.short());
                 let message = format!("this is the result of another unit, \"{name}\" with the key {short}");
-                Err(StoreError::wrong(&path, message, "take its folder away, and the unit is run again"))
+                Err(StoreError::wrong(
+                    &path,
+                    message,
+                    "run the unit again with --retry, which sets its folder aside",
+                ))
             }
             result => Ok(result),
         }
@@ -211,7 +220,7 @@ impl Store {
                     "write {{\"format\": {STORE_FORMAT}, \"program\": \"{PROGRAM}\"}} there if this version made the results"
                 )
             } else {
-                "take its folder away, and the unit is run again".to_owned()
+                "run the unit again with --retry, which sets its folder aside".to_owned()
             };
             let hint = format!("it was changed since it was written, or another version wrote it; {remedy}");
             StoreError::wrong(path, e.to_string(), hint)

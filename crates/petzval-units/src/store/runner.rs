@@ -23,7 +23,7 @@ use petzval_design::run::Holder;
 /// How units are run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RunOptions {
-    /// Run units again that have failed.
+    /// Run units again that have failed, or whose folder is damaged.
     pub retries: bool,
     /// Do not wait for units that other processes are working on.
     pub leaves_others: bool,
@@ -221,7 +221,8 @@ pub(crate) fn run_prepared(
 /// The error of a unit that was begun so many times that its processes seem to end before it can.
 fn never_ends(attempt: &Attempt) -> JobError {
     let message = format!(
-        "it was stopped {MOST_BEGINNINGS} times before its end and left no checkpoint: {:.0} CPU s are lost",
+        "it was stopped {} times before its end and left no checkpoint: {:.0} CPU s are lost",
+        attempt.number() - 1,
         attempt.cpu_seconds_before()
     );
     JobError::input(

@@ -48,7 +48,7 @@ pub struct Expansion {
 /// Expands a file; `text` is its text, for the places of errors.
 ///
 /// The order depends on names and values alone. A draw depends on the seed of `random`, its number and its key: more draws leave the earlier ones as
-/// they are. Drawn numbers are rounded to four digits. Equal values of a list are refused, equal draws are merged.
+/// they are. Drawn numbers have four digits, and in a narrow range as many as tell its places apart. Equal values of a list are refused, equal draws are merged.
 pub fn expand(file: &SweepFile, text: &str) -> Result<Expansion, FileError> {
     let wrong = |place: &[String], message: String, hint: &str| {
         let place: Vec<&str> = place.iter().map(String::as_str).collect();
@@ -293,6 +293,9 @@ impl Random {
         let mut keys = Vec::new();
         for (place, value) in found {
             let key = SweptKey { key: place[1..].join("."), place };
+            if let Some(toml::Value::Array(values)) = value.get("choice") {
+                check_choice(values, &[&key.place[..], &["choice".to_owned()]].concat(), wrong)?;
+            }
             let range = range(value).map_err(|message| {
                 wrong(&key.place, message, "write {from = 1e-4, to = 1e-2, log = true} or {choice = [1, 2]}")
             })?;
@@ -336,6 +339,26 @@ impl Random {
         }
         let merged = self.n - draws.len();
         (draws, merged)
+    }
+}
+
+/// Sees that every value of a choice is one of a request, and that none stands twice.
+fn check_choice(values: &[toml::Value], place: &[String], wrong: &Wrong) -> Result<(), FileError> {
+    let at = |i: usize| [place, &[i.to_string()]].concat();
+    let values: Vec<Value> = values
+        .iter()
+        .enumerate()
+        .map(|(i, value)| json(value, &at(i), wrong))
+        .collect::<Result<_, FileError>>()?;
+    // A whole number and the same with a decimal point make one request.
+    let same = |a: &Value, b: &Value| a == b || a.as_f64().is_some_and(|a| b.as_f64() == Some(a));
+    match (1..values.len()).find(|i| values[..*i].iter().any(|earlier| same(earlier, &values[*i]))) {
+        Some(i) => Err(wrong(
+            &at(i),
+            "stands twice".to_owned(),
+            "give every value once; 1 and 1.0 are one value, and all are drawn equally often",
+        )),
+        None => Ok(()),
     }
 }
 
@@ -394,7 +417,10 @@ impl Range {
             }
             Self::Numbers { from, to, log } => {
                 let value = if *log { from * (to / from).powf(u) } else { from + u * (to - from) };
-                rounded(value).clamp(*from, *to).into()
+                let width = if *log { value * (to / from).ln() } else { to - from };
+                let rounded = rounded(value, width);
+                // Near its ends, a rounded number may lie outside the range.
+                if (*from..=*to).contains(&rounded) { rounded } else { value.clamp(*from, *to) }.into()
             }
             Self::Whole { from, to, log } => {
                 let (low, high) = (*from as f64, *to as f64 + 1.0);
@@ -405,9 +431,12 @@ impl Range {
     }
 }
 
-/// A number with four digits.
-fn rounded(value: f64) -> f64 {
-    format!("{value:.3e}").parse().unwrap_or(value)
+/// A number with four digits, or to a thousandth of the order of `width` where that is finer.
+fn rounded(value: f64, width: f64) -> f64 {
+    let order = |number: f64| number.abs().log10().floor();
+    // Seventeen digits tell any two numbers apart.
+    let digits = (3.0 + order(value) - order(width)).clamp(3.0, 16.0) as usize;
+    format!("{value:.digits$e}").parse().unwrap_or(value)
 }
 
 /// Every value below a table that is no table itself, with its place, which begins with the name of the table.
@@ -485,6 +514,31 @@ mod tests {
     }
 
     #[test]
+    fn draws_fill_narrow_ranges() {
+        for range in [
+            "{from = 25.040, to = 25.060}",
+            "{from = 1e6, to = 1000000.5}",
+            "{from = -1.00002, to = -1.00001}",
+            "{from = 100.0, to = 100.01, log = true}",
+        ] {
+            let found = expanded(&format!("[random]\nn = 40\nk = {range}\n")).unwrap();
+            // Of a thousand places, 40 draws hit one twice 0.8 times.
+            assert!(found.merged <= 4, "{range}: {}", found.merged);
+            let table: toml::Table = format!("k = {range}").parse().unwrap();
+            let end = |name: &str| table["k"][name].as_float().unwrap();
+            let drawn: Vec<f64> = found.combinations.iter().map(|c| c.values[0].as_f64().unwrap()).collect();
+            assert!(drawn.iter().all(|k| (end("from")..=end("to")).contains(k)), "{drawn:?}");
+            // Forty draws leave one of five parts empty once in 1500 sweeps.
+            let part = |k: &f64| (5.0 * (k - end("from")) / (end("to") - end("from"))) as usize;
+            let parts: std::collections::BTreeSet<usize> = drawn.iter().map(part).collect();
+            assert!(parts.len() >= 4, "{range}: {drawn:?}");
+        }
+        assert_eq!(rounded(25.041_234_567, 0.02), 25.041_23);
+        assert_eq!(rounded(0.012_345_67, 1.0), 0.012_35);
+        assert_eq!(rounded(0.0, 1.0), 0.0);
+    }
+
+    #[test]
     fn equal_draws_are_merged_and_counted() {
         let found = expanded("[random]\nn = 50\nk = {choice = [1, 2, 3]}\n").unwrap();
         assert_eq!((found.combinations.len(), found.merged), (3, 47));
@@ -521,6 +575,8 @@ mod tests {
             ("[random]\nn = 3\nk = {from = 0, upto = 1}\n", 3, "unknown field `upto`"),
             ("[random]\nn = 3\nk = {choice = []}\n", 3, "`choice` is empty"),
             ("[random]\nn = 3\nk = 4\n", 3, "expected"),
+            ("[random]\nn = 3\nk = {choice = [0.5, 2026-01-01]}\n", 3, "neither text"),
+            ("[random]\nn = 3\n[random.k]\nchoice = [\n  1,\n  1.0]\n", 6, "stands twice"),
         ] {
             let error = expanded(text).unwrap_err();
             assert_eq!(error.line, Some(line), "{text}: {error}");

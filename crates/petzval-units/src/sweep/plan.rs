@@ -1,13 +1,15 @@
 //! The units of a sweep: every combination as a call, checked before the first one runs.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
 
 use petzval_jobs::design::{Changes, NewRun, Request, Run, Settings, VariantNames};
-use petzval_jobs::{Call, Context, DEVICES, ExperimentInput, JobError, Result, design, row};
+use petzval_jobs::{
+    Call, Context, DEVICES, ExperimentInput, InputKind, JobError, MOST_THREADS, Result, design, row,
+};
 use serde_json::{Map, Value};
 
-use super::expand::{Expansion, by_key, expand, leaves_of};
+use super::expand::{Expansion, SweptKey, by_key, expand, leaves_of};
 use super::file::{Level, Source, in_file};
 use super::name::names;
 
@@ -76,14 +78,23 @@ pub fn plan(source: &Source, context: &Context) -> Result<Plan> {
         let hint = format!("the devices are {}", DEVICES.join(", "));
         return Err(source.at(&["device"], "there is no such device", hint));
     }
+    if file.threads > MOST_THREADS {
+        let hint = "threads of one unit; 0 takes those that the machine or the cluster gives";
+        return Err(source.at(&["threads"], format!("more than {MOST_THREADS}"), hint));
+    }
     let names = names(&expansion);
+    let mut checked = HashSet::new();
     let total = names.len();
     let mut known: HashMap<String, usize> = HashMap::new();
     let mut units = Vec::with_capacity(total);
     for (place, name) in names.iter().enumerate() {
         context.check(|| format!("stopped after the check of {place} of {total} units"))?;
         let unit = Unresolved { source, expansion: &expansion, place, name, total };
-        let call = if file.experiment.is_some() { unit.design(context)? } else { unit.job(&job, context)? };
+        let call = if file.experiment.is_some() {
+            unit.design(context)?
+        } else {
+            unit.job(&job, context, &mut checked)?
+        };
         if let Some(same) = known.insert(call.request.to_string(), place) {
             let message = format!("the units `{}` and `{name}` would run the same", names[same]);
             let hint = "1 and 1.0 are one value, as are a key that is left out and its default: leave one of the two out";
@@ -193,7 +204,7 @@ impl Unresolved<'_> {
     }
 
     /// A job with its values in the base request.
-    fn job(&self, job: &str, context: &Context) -> Result<Call> {
+    fn job(&self, job: &str, context: &Context, checked: &mut HashSet<(InputKind, String)>) -> Result<Call> {
         let file = &self.source.file;
         let mut request = serde_json::to_value(&file.request).map_err(|e| JobError::failed(e.to_string()))?;
         located(&mut request, self.source);
@@ -210,13 +221,36 @@ impl Unresolved<'_> {
             })?;
         }
         // A request that does not fit its schema is refused here.
-        let _filled_in = row(job)?.filled_in(request.clone()).map_err(|error| self.explained(error))?;
+        let row = row(job)?;
+        let complete = row.filled_in(request.clone()).map_err(|error| self.explained(error))?;
         context.check(|| "stopped")?;
+        // So is an input that no unit could read; one of many units is looked at once.
+        for input in row.named_inputs(&complete)? {
+            if checked.insert((input.kind, input.name.clone())) {
+                input.check(context).map_err(|error| self.at_input(&input.key, error))?;
+            }
+        }
         Ok(self.call(job, request))
     }
 
     fn call(&self, job: &str, request: Value) -> Call {
         Call { threads: self.source.file.threads, ..Call::new(job, request) }
+    }
+
+    /// An error of an input that the request names at a key.
+    fn at_input(&self, key: &str, error: JobError) -> JobError {
+        let JobError::Input { message, hint } = error else {
+            // What is wrong in a file is shown there.
+            return error;
+        };
+        let end = "a relative path counts from the folder of the sweep";
+        let hint = if hint.is_empty() { end.to_owned() } else { format!("{hint}; {end}") };
+        let holds = |swept: &&SweptKey| key == swept.key || key.starts_with(&format!("{}.", swept.key));
+        if let Some(swept) = self.expansion.keys.iter().find(holds) {
+            return self.at_key(&swept.key, &message, &hint);
+        }
+        let place: Vec<&str> = ["request"].into_iter().chain(key.split('.')).collect();
+        self.source.at(&place, message, hint)
     }
 
     /// An error of the unit, at the place of the file that it comes from.
@@ -228,6 +262,13 @@ impl Unresolved<'_> {
                     self.expansion.keys.iter().any(|swept| swept.key == key) && !value.contains(", ");
                 if is_one {
                     return self.at_key(key, &message, &hint);
+                }
+                let set = leaves_of(&self.source.file.set, "set");
+                if let Some((place, _)) = set.iter().find(|(place, _)| place[1..].join(".") == key)
+                    && !value.contains(", ")
+                {
+                    let place: Vec<&str> = place.iter().map(String::as_str).collect();
+                    return self.source.at(&place, message, hint);
                 }
                 self.at_its_values(&format!("{value}: {message}"), &hint)
             }

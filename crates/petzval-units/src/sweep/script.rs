@@ -90,6 +90,11 @@ fn quoted(path: &Path) -> String {
     format!("'{}'", path.to_string_lossy().replace('\'', "'\\''"))
 }
 
+/// A folder within a quoted word of a directive of Slurm, where a percent sign begins a pattern and a backslash takes the meaning from a quote.
+fn in_directive(path: &Path) -> String {
+    path.to_string_lossy().replace('\\', "\\\\").replace('"', "\\\"").replace('%', "%%")
+}
+
 /// The array of Slurm. The shell stays: it passes on the signals of a preemption or of the end of the time, and puts a task back into the queue that
 /// has ended with a checkpoint, which is exit code 75. Slurm itself does not.
 fn slurm(of: &Submission) -> String {
@@ -97,8 +102,7 @@ fn slurm(of: &Submission) -> String {
     let options: String = options.iter().map(|option| format!("#SBATCH {option}\n")).collect();
     let (program, units, store) = (quoted(&of.program), quoted(&of.units), quoted(&of.store));
     let last = tasks - 1;
-    let logs = of.store.join("logs").join("%a.log");
-    let logs = logs.display();
+    let logs = in_directive(&of.store.join("logs"));
     format!(
         r#"#!/bin/bash
 #SBATCH --job-name={name}
@@ -108,7 +112,7 @@ fn slurm(of: &Submission) -> String {
 #SBATCH --signal=B:USR2@120
 #SBATCH --requeue
 #SBATCH --open-mode=append
-#SBATCH --output="{logs}"
+#SBATCH --output="{logs}/%a.log"
 {options}
 # Every task takes its share of the units: those that are finished are passed over, one with a checkpoint goes on.
 export PETZVAL_SIMD={simd}
@@ -219,6 +223,9 @@ mod tests {
                 && slurm.contains("trap 'kill -TERM $p 2>/dev/null' USR1 USR2 TERM")
         );
         assert!(!slurm.contains("exec "));
+        assert!(slurm.contains("#SBATCH --output=\"/s/logs/%a.log\"\n"));
+        let odd = Engine::Slurm.script(&Submission { store: "/st%j b\"4".into(), ..submission() });
+        assert!(odd.contains("#SBATCH --output=\"/st%%j b\\\"4/logs/%a.log\"\n"), "{odd}");
     }
 
     #[test]

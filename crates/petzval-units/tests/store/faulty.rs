@@ -133,7 +133,7 @@ fn a_folder_that_is_no_store_and_a_store_of_another_version_are_refused() {
 }
 
 #[test]
-fn a_damaged_result_and_that_of_another_unit_are_refused_until_the_folder_is_taken_away() {
+fn a_damaged_result_and_that_of_another_unit_are_refused_until_they_are_set_aside() {
     let folder = tempfile::tempdir().unwrap();
     let store = Store::open_or_new(&folder.path().join("store")).unwrap();
     let options = RunOptions { retries: false, leaves_others: false };
@@ -148,7 +148,8 @@ fn a_damaged_result_and_that_of_another_unit_are_refused_until_the_folder_is_tak
         let Outcome::Damaged(error) = run(&one).unwrap() else { panic!() };
         assert!(error.message.contains(says), "{error:?}");
         assert!(
-            error.message.contains("result.json") && error.hint.contains("take its folder away"),
+            error.message.contains("result.json")
+                && error.hint.contains("--retry, which sets its folder aside"),
             "{error:?}"
         );
     }
@@ -157,7 +158,21 @@ fn a_damaged_result_and_that_of_another_unit_are_refused_until_the_folder_is_tak
     let summary = run_all(&[&one, &third, &other], || Ok(store.clone()), &context(), options).unwrap();
     let names: Vec<&str> = summary.damaged.iter().map(|damaged| damaged.unit.as_str()).collect();
     assert_eq!((summary.done, summary.there, names), (1, 1, vec!["one"]));
+    // With leave it is run again, and what was damaged can be looked at.
+    let retry = RunOptions { retries: true, leaves_others: false };
+    let Outcome::Done(again) = run_unit(&one, &store, &context(), retry).unwrap() else { panic!() };
+    assert_eq!((&again.key, &again.response), (&first.key, &first.response));
+    let aside = store.root().join(format!(".damaged-{}-1/result.json", first.key.as_str()));
+    assert_eq!(std::fs::read_to_string(&aside).unwrap(), "{");
+    assert!(matches!(run(&one).unwrap(), Outcome::There(_)));
+    // So it is once its folder was taken away.
     std::fs::remove_dir_all(store.folder(&first.key)).unwrap();
     let Outcome::Done(again) = run(&one).unwrap() else { panic!() };
     assert_eq!((again.key, again.response), (first.key, first.response));
+    // The place of a store is a folder.
+    for path in [&aside, &aside.join("below")] {
+        let error = JobError::from(Store::open_or_new(path).err().unwrap());
+        assert_eq!(error.fault(), petzval_jobs::Fault::Input);
+        assert!(error.to_string().contains("result.json: this is a file"), "{error}");
+    }
 }

@@ -249,6 +249,14 @@ fn corrupt_and_incomplete_captures_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let more = ["--gains", "1,2", "--dark-exposures", "2.5,20"];
     let whole = capture(folder.path(), "whole", &more);
+    let lock = petzval::base::WorkLock::passing(&folder.path().join(&whole).join("work.lock"), b"").unwrap();
+    let again =
+        ["sensor", "capture", "imx249-fitted", "--out", whole.as_str(), "--size", "60x80", "--format", "png"];
+    let again = [&again[..], &more].concat();
+    run_fails(folder.path(), &again, 2, &["another process is working on this series of captures"]);
+    drop(lock);
+    run_ok(folder.path(), &again);
+    assert!(!folder.path().join(&whole).join("work.lock").exists());
     // Each case changes a copy of the series.
     let case = |name: &str, change: &dyn Fn(&Path), needles: &[&str]| {
         let copy = folder.path().join(name);

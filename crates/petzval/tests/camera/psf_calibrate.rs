@@ -154,6 +154,13 @@ fn wrong_captures_are_reported() {
     let found = run_ok(at, &["psf-calibrate", "captures", "--out", "out"]);
     assert!(found.says("saturated in every exposure"), "{}", found.stderr);
 
+    // Another process takes captures.
+    std::fs::create_dir(at.join("held")).unwrap();
+    let lock = petzval::base::WorkLock::passing(&at.join("held/work.lock"), b"").unwrap();
+    let held = ["psf-capture", LENS, "--out", "held", "--frames", "2", "--fields", "1", "--radius-mm", "3"];
+    run_fails(at, &held, 2, &["another process is working on this series of captures"]);
+    drop(lock);
+
     let manifest = at.join("captures/captures.toml");
     let good = std::fs::read_to_string(&manifest).unwrap();
     let with = |from: &str, to: &str| {

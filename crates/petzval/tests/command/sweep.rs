@@ -21,6 +21,7 @@ fn write(folder: &Path, name: &str, text: &str) {
 fn what_is_wrong_is_refused_with_its_place_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();
     write(folder.path(), "tiny.toml", &tiny_experiment());
+    write(folder.path(), "broken.toml", "name = \"broken\"\nunits = 4\n");
     let many = "experiment = \"tiny.toml\"\n[grid]\nvalidation.every = [2, 0]\n[list]\nvalidation.patience = [0, 5, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]\n\
         training.batch = [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15]\n";
     for (text, needles) in [
@@ -73,6 +74,35 @@ fn what_is_wrong_is_refused_with_its_place_and_nothing_is_written() {
         (
             "experiment = \"cooke-triplet-nominal\"\n",
             &["s.toml:1:14:", "a lens and not an experiment", "petzval init --lens"],
+        ),
+        // What every unit has, in the table of its own.
+        (
+            "experiment = \"tiny.toml\"\n[set]\npsf.gird = 64\n[grid]\nseed = [1, 2]\n",
+            &["s.toml:3:12: `gird = 64`: ", "no such key here", "did you mean `grid`?"],
+        ),
+        // Inputs of a job, the same for every unit and of one unit alone.
+        (
+            "job = \"lens-tolerance\"\n[request]\nlens = \"none.toml\"\n[grid]\nseed = [1, 2]\n",
+            &["s.toml:3:8: `lens = \"none.toml\"`", "neither a file nor built in", "the folder of the sweep"],
+        ),
+        (
+            "job = \"lens-show\"\n[grid]\nlens = [\"cooke-triplet-nominal\", \"cooke-triplet-nomnal\"]\n",
+            &[
+                "s.toml:3:34: `lens = \"cooke-triplet-nomnal\"`: unit ",
+                "did you mean \"cooke-triplet-nominal\"?",
+            ],
+        ),
+        (
+            "job = \"lens-show\"\n[grid]\nlens = [\"cooke-triplet-nominal\", \"broken.toml\"]\n",
+            &["broken.toml:2:"],
+        ),
+        (
+            "job = \"raw-show\"\n[grid]\nfile = [\"none.tif\"]\n",
+            &["s.toml:3:9: `file = \"none.tif\"`: unit ", "no such file"],
+        ),
+        (
+            "experiment = \"tiny.toml\"\nthreads = 100000\n",
+            &["s.toml:2:11: `threads = 100000`: more than 1024"],
         ),
     ] {
         write(folder.path(), "s.toml", text);

@@ -223,6 +223,25 @@ fn bad_requests_are_explained_and_leave_no_files() {
         &["--resume continues with the goal"],
     );
     run_fails(folder.path(), &["lens", "optimize", "--resume", "run", "--trade"], 2, &["--global"]);
+    // Another process is at work, on a search that has begun and on one that begins.
+    let run = folder.path().join("run");
+    std::fs::create_dir(folder.path().join("new")).unwrap();
+    for (more, held) in [(["--resume", "run"], &run), (["--out", "new"], &folder.path().join("new"))] {
+        let lock = petzval::base::WorkLock::passing(&held.join("work.lock"), b"").unwrap();
+        let before = common::snapshot(held);
+        let lens: &[&str] = if more[0] == "--out" { &[LENS] } else { &[] };
+        let args = [&["lens", "optimize"], &more[..], lens].concat();
+        run_fails(
+            folder.path(),
+            &args,
+            2,
+            &["another process is working on this optimisation", "wait for it"],
+        );
+        assert_eq!(common::snapshot(held), before);
+        drop(lock);
+    }
+    run_ok(folder.path(), &["lens", "optimize", "--resume", "run"]);
+    assert!(!run.join("work.lock").exists());
     let late = ["lens", "optimize", "--resume", "run", "--rewind", "99"];
     run_fails(folder.path(), &late, 2, &["--rewind 99", "the last is"]);
 }

@@ -262,6 +262,13 @@ fn parts_of_a_tolerance_analysis_become_the_analysis_of_one_run() {
     assert_eq!(joined[0]["report"], whole);
     assert_eq!(joined[0]["units"].as_array().unwrap().len(), 3);
     assert_same(&folder.path().join("joined"), &folder.path().join("whole"));
+    // What is there stays, unless it may be overwritten.
+    let page = folder.path().join("joined/tolerance.html");
+    std::fs::write(&page, "mine").unwrap();
+    run_fails(folder.path(), &gather, 2, &["tolerance.html: exists already", "--force"]);
+    assert_eq!(std::fs::read(&page).unwrap(), b"mine");
+    run_ok(folder.path(), &[&gather[..], &["--force"]].concat());
+    assert_same(&folder.path().join("joined"), &folder.path().join("whole"));
     // One part alone, on the command line, has the numbers of its lenses and no sensitivities.
     let alone = run_ok(
         folder.path(),

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use petzval_base::WorkLock;
 use petzval_base::simd::level;
 use petzval_design::evolution::Evolution;
 use serde::{Deserialize, Serialize};
@@ -9,6 +10,9 @@ use serde::{Deserialize, Serialize};
 use super::plan::Plan;
 use crate::error::{JobError, Result, json, write_file};
 use crate::state_file::{make_new_folder, read_state};
+
+/// File of the state from which a search continues.
+const STATE: &str = "search.json";
 
 /// All that a search needs to continue.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -73,47 +77,48 @@ impl Checkpoint {
     }
 }
 
-/// The folder of a search.
-pub(super) struct TuneFolder(PathBuf);
+/// The folder of a search, locked while it is open.
+pub(super) struct TuneFolder {
+    root: PathBuf,
+    _lock: WorkLock,
+}
 
 impl TuneFolder {
-    /// Makes the folder; refuses one that already holds a search.
+    /// Makes the folder; refuses one that already holds a search, or in which another process searches.
     pub fn create(root: &Path) -> Result<Self> {
-        let folder = Self(root.to_owned());
-        make_new_folder(root, &folder.state(), "search")?;
-        Ok(folder)
+        let lock = make_new_folder(root, &root.join(STATE), "search")?;
+        Ok(Self { root: root.to_owned(), _lock: lock })
     }
 
     /// Whether a folder holds a search.
     pub fn is_in(root: &Path) -> bool {
-        Self(root.to_owned()).state().is_file()
+        root.join(STATE).is_file()
     }
 
     /// Reads the search in a folder.
     pub fn open(root: &Path) -> Result<(Self, Checkpoint)> {
-        let folder = Self(root.to_owned());
         let hint = "--resume takes the --out folder of an earlier `isp tune`";
-        let kept = read_state(root, &folder.state(), hint)?;
-        Ok((folder, kept))
+        let (kept, lock) = read_state(root, &root.join(STATE), "search", hint)?;
+        Ok((Self { root: root.to_owned(), _lock: lock }, kept))
     }
 
     /// The folder itself.
     pub fn root(&self) -> &Path {
-        &self.0
+        &self.root
     }
 
     /// The best settings.
     pub fn tuned(&self) -> PathBuf {
-        self.0.join("tuned.toml")
+        self.root.join("tuned.toml")
     }
 
     /// All generations.
     pub fn history(&self) -> PathBuf {
-        self.0.join("history.json")
+        self.root.join("history.json")
     }
 
     fn state(&self) -> PathBuf {
-        self.0.join("search.json")
+        self.root.join(STATE)
     }
 
     /// Writes best settings, history and state. The state comes last: after a failure the folder continues from the generation

@@ -23,7 +23,7 @@ use petzval_optics::solve::magnification;
 
 use super::operand::goals_of;
 use crate::error::{JobError, Result};
-use crate::range::check_ranges;
+use crate::range::{check_ranges, number_text};
 
 petzval_base::parameters! {
     /// The camera whose raw frames should be restored as well as possible.
@@ -383,7 +383,7 @@ fn check(key: &'static str, values: &[f64], is_in_range: impl Fn(f64) -> bool, h
 }
 
 fn list(values: &[f64]) -> String {
-    values.iter().map(f64::to_string).collect::<Vec<_>>().join(",")
+    values.iter().copied().map(number_text).collect::<Vec<_>>().join(",")
 }
 
 /// The variables of a lens whose file names none.

@@ -4,6 +4,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use petzval_base::WorkLock;
 use petzval_design::path_text::path_text;
 use petzval_files::{LensFile, write_lens};
 use petzval_optics::design_space::{EflSolve, MagnificationSolve, Variable};
@@ -15,6 +16,7 @@ use serde::{Deserialize, Serialize};
 use super::goal::Goal;
 use crate::context::Context;
 use crate::error::{JobError, Result, json, make_folder, write_file};
+use crate::state_file::lock_folder;
 
 /// The lens of the last step.
 const BEST: &str = "best.toml";
@@ -28,11 +30,15 @@ const SEARCH: &str = "search.json";
 /// The state of a descent.
 const DESCENT: &str = "descent.json";
 
-/// The folder.
+/// The work, in errors.
+const WHAT: &str = "optimisation";
+
+/// The folder, locked while it is open.
 pub struct History {
     root: PathBuf,
     steps: Vec<Step>,
     file: LensFile,
+    _lock: WorkLock,
 }
 
 /// What an optimisation does; kept in its folder, so that it continues with the same.
@@ -104,17 +110,29 @@ pub struct Step {
 impl History {
     /// Begins a new folder.
     pub fn create(root: &Path, file: &LensFile, config: &Config) -> Result<Self> {
-        let ours = ["history.jsonl", BEST, "start.toml", "config.json", SEARCH, DESCENT];
-        if ours.iter().any(|name| root.join(name).exists()) {
-            let hint =
-                format!("continue it with --resume {}, or choose another folder with --out", root.display());
-            return Err(JobError::input(format!("{}: holds an optimisation already", root.display()), hint));
-        }
+        let check = || {
+            let ours = ["history.jsonl", BEST, "start.toml", "config.json", SEARCH, DESCENT];
+            if ours.iter().any(|name| root.join(name).exists()) {
+                let hint = format!(
+                    "continue it with --resume {}, or choose another folder with --out",
+                    root.display()
+                );
+                return Err(JobError::input(
+                    format!("{}: holds an optimisation already", root.display()),
+                    hint,
+                ));
+            }
+            Ok(())
+        };
+        check()?;
         // What is kept is found again by this text.
         path_text(root)?;
         make_folder(root)?;
+        let lock = lock_folder(root, WHAT)?;
+        // Another process may have worked here since the first look.
+        check()?;
         make_folder(&root.join("lens"))?;
-        let history = Self { root: root.to_path_buf(), steps: Vec::new(), file: file.clone() };
+        let history = Self { root: root.to_path_buf(), steps: Vec::new(), file: file.clone(), _lock: lock };
         history.write("start.toml", &write_lens(file))?;
         history.write("config.json", &json(config)?)?;
         Ok(history)
@@ -139,6 +157,9 @@ impl History {
                 "it was changed since it was written",
             )
         };
+        // Nothing is made in a folder that holds no optimisation.
+        read("config.json")?;
+        let lock = lock_folder(root, WHAT)?;
         let config: Config =
             serde_json::from_str(&read("config.json")?).map_err(|e| bad("config.json", e))?;
         read("start.toml")?;
@@ -157,7 +178,7 @@ impl History {
         }
         petzval_base::sweep_parts(root);
         let gone = rewind.map_or_else(Vec::new, |step| steps.split_off(step + 1));
-        let history = Self { root: root.to_path_buf(), steps, file };
+        let history = Self { root: root.to_path_buf(), steps, file, _lock: lock };
         if let (Some(_), Some(last)) = (rewind, history.steps.last()) {
             let path = root.join(lens_name(last.step));
             let lens = petzval_base::read_text(&path)

@@ -273,14 +273,7 @@ pub(crate) const UNIT: AsUnit<Request> = AsUnit::seeded(
 pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let subject = Subject::of(request, context)?;
     let study = subject.study()?;
-    if let Some(out) = &request.out {
-        check_folder(
-            out,
-            ["tolerance.html", "tolerance.json", "tolerances.toml", "sensitivities.csv", "trials.csv"],
-            context,
-        )?;
-        make_folder(out)?;
-    }
+    make_place(request, context)?;
     if let Some(part) = request.part {
         return one_part(request, &subject, &study, part, context);
     }
@@ -290,6 +283,17 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         _ => Some(lenses(request, &study, all, context)?),
     };
     analysed(request, &subject, &study, random, context)
+}
+
+/// Makes the folder of the results, if the request names one. Fails if it holds results that the context does not let be overwritten.
+fn make_place(request: &Request, context: &Context) -> Result<()> {
+    let Some(out) = &request.out else { return Ok(()) };
+    check_folder(
+        out,
+        ["tolerance.html", "tolerance.json", "tolerances.toml", "sensitivities.csv", "trials.csv"],
+        context,
+    )?;
+    make_folder(out)
 }
 
 /// Makes the random lenses of a part.
@@ -364,6 +368,7 @@ pub fn join(request: &Request, parts: &[Response], context: &Context) -> Result<
     let request = Request { part: None, ..request.clone() };
     let subject = Subject::of(&request, context)?;
     let study = subject.study()?;
+    make_place(&request, context)?;
     let mut trials: Vec<Option<MadeLens>> = vec![None; request.trials];
     for response in parts {
         let made = response.made.as_ref().ok_or_else(|| {

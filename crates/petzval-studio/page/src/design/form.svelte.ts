@@ -33,7 +33,11 @@ export class Form {
 
   #changes: Promise<void>;
 
-  constructor(readonly experiment: string) {
+  /** `lens` is the text of a lens to which the usual experiment is fitted, in place of the named one. */
+  constructor(
+    readonly experiment: string,
+    readonly lens?: string,
+  ) {
     void server.call<Schema>("schema", { kind: "experiment" }).then((schema) => (this.schema = schema));
     this.#changes = this.#read({});
   }
@@ -48,9 +52,14 @@ export class Form {
     return Object.keys(this.#refused).some((key) => key !== "");
   }
 
+  /** The experiment as a request names it. */
+  get #named(): string | { toml: string } {
+    return this.lens === undefined ? this.experiment : { toml: this.lens };
+  }
+
   /** The run as a request names it. */
   get run(): object {
-    return { experiment: this.experiment, ...(this.out ? { out: this.out } : {}), changes: { set: this.set } };
+    return { experiment: this.#named, ...(this.out ? { out: this.out } : {}), changes: { set: this.set } };
   }
 
   /**
@@ -83,7 +92,7 @@ export class Form {
 
   async #read(set: Record<string, unknown>, key = ""): Promise<void> {
     try {
-      const run = { experiment: this.experiment, changes: { set } };
+      const run = { experiment: this.#named, changes: { set } };
       const config = await server.call<Config>("design-config", { run });
       this.config = config;
       this.set = set;

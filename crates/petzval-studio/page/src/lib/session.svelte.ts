@@ -38,9 +38,14 @@ interface Kept {
   before: string;
   saved: string;
   savedAs: string;
+  /** The name by which the lens was opened. */
+  opened?: string;
   /** The first lens that the studio was started with, as text; another one after a start with another lens. */
   named?: string;
 }
+
+/** The lens of the experiment that is designed where none is named. */
+const USUAL_LENS = "cooke-triplet-nominal";
 
 /** Most states that are kept. */
 const MOST_STEPS = 500;
@@ -90,6 +95,8 @@ class Session {
   /** The file of the last saving, and its text. */
   savedAs = $state("");
   saved = $state.raw("");
+  /** The name by which the lens was opened. */
+  opened = $state("");
   selected = $state(0);
   /** Highest frequency of the MTF, cycles/mm; held while a lens is worked on. */
   maxFrequency = $state<number | undefined>();
@@ -126,6 +133,11 @@ class Session {
     return this.steps[this.at]?.toml ?? "";
   }
 
+  /** Whether the lens began as that of the experiment that is designed where none is named. */
+  get beganAsUsual(): boolean {
+    return this.opened === USUAL_LENS;
+  }
+
   get canUndo(): boolean {
     return this.at > 0;
   }
@@ -147,13 +159,14 @@ class Session {
     return this.about.first;
   }
 
-  #take({ steps, at, before, saved, savedAs }: Kept): void {
+  #take({ steps, at, before, saved, savedAs, opened = "" }: Kept): void {
     this.#history += 1;
     this.steps = steps;
     this.at = at;
     this.before = before;
     this.saved = saved;
     this.savedAs = savedAs;
+    this.opened = opened;
     this.dragged = [];
     this.maxFrequency = undefined;
     this.outOfFocus = undefined;
@@ -171,6 +184,7 @@ class Session {
     this.before = toml;
     this.saved = toml;
     this.savedAs = "";
+    this.opened = name;
     this.dragged = [];
     this.maxFrequency = undefined;
     this.outOfFocus = undefined;
@@ -383,8 +397,8 @@ class Session {
   }
 
   #present(): Kept {
-    const { steps, at, before, saved, savedAs } = this;
-    return { steps, at, before, saved, savedAs, ...(this.#named === undefined ? {} : { named: this.#named }) };
+    const { steps, at, before, saved, savedAs, opened } = this;
+    return { steps, at, before, saved, savedAs, opened, ...(this.#named === undefined ? {} : { named: this.#named }) };
   }
 
   #kept(): Kept | undefined {

@@ -41,7 +41,7 @@ pub struct Args {
     /// Run the unit of this name only; may be repeated
     #[arg(long, value_name = "NAME", conflicts_with = "shard")]
     name: Vec<String>,
-    /// Run units again that have failed
+    /// Run units again that have failed, or whose folder in the store is damaged: it is set aside
     #[arg(long)]
     retry: bool,
     /// Do not wait for units that other processes work on
@@ -55,12 +55,15 @@ pub struct Args {
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let file = read_units(&args.file)?;
-    let units = chosen(&file, &args)?;
+    let (units, said) = chosen(&file, &args)?;
     let Some(first) = units.first() else {
+        said.iter().for_each(|text| noteln!("{text}"));
         noteln!("this shard holds no unit");
         return Ok(Code::SUCCESS);
     };
     with_level(first, terminal)?;
+    // Once: the process may have begun again.
+    said.iter().for_each(|text| noteln!("{text}"));
     // Before the folder of the file becomes that of the process.
     let root = std::path::absolute(&args.store)
         .map_err(|e| Failure::job(format!("{}: {e}", plain::shown(&args.store))))?;
@@ -77,20 +80,21 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     Ok(ending(&summary))
 }
 
-/// The units that this process runs. What the number of a task of a batch system chose is printed.
-fn chosen<'f>(file: &'f UnitFile, args: &Args) -> Result<Vec<&'f Unit>, Failure> {
+/// The units that this process runs, and what is to be said of those that the number of a task of a batch system chose.
+fn chosen<'f>(file: &'f UnitFile, args: &Args) -> Result<(Vec<&'f Unit>, Option<String>), Failure> {
     if !args.name.is_empty() {
-        return Ok(file.named(&args.file, &args.name)?);
+        return Ok((file.named(&args.file, &args.name)?, None));
     }
     let all: Vec<&Unit> = file.units.iter().collect();
     if let Some(shard) = args.shard {
-        return Ok(shard.of(&all));
+        return Ok((shard.of(&all), None));
     }
     let found = shard_of_environment(|name| std::env::var(name).ok(), all.len())?;
-    let Some((shard, source)) = found else { return Ok(all) };
+    let Some((shard, source)) = found else { return Ok((all, None)) };
     let own = shard.of(&all);
-    noteln!("shard {shard} by {}: {} of {}", source.variable(), counted(own.len(), "unit"), all.len());
-    Ok(own)
+    let said =
+        format!("shard {shard} by {}: {} of {}", source.variable(), counted(own.len(), "unit"), all.len());
+    Ok((own, Some(said)))
 }
 
 /// Starts this process again with the instruction set of a unit, if it computes with another one: kernels choose theirs once.
