@@ -127,7 +127,7 @@ fn planes_that_shift_the_axis_are_no_walls() {
     // A break of the second order, and what it is in the first, in front of the same surfaces.
     let turned = |shift: f64, turn: f64, behind: &str| {
         let (sin, cos) = turn.to_radians().sin_cos();
-        let second = format!("SURF 2\n{} DISZ 0\n{behind}", broken(shift, turn, 1));
+        let second = format!("SURF 2\n DISZ 0\nSURF 3\n{} DISZ 0\n{behind}", broken(shift, turn, 1));
         let first = format!(
             "SURF 2\n DISZ {:?}\nSURF 3\n{} DISZ 0\n{behind}",
             shift * sin,
