@@ -144,4 +144,17 @@ mod tests {
             Err(TryLockError::Error(_))
         ));
     }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_file_that_was_taken_away_and_made_anew_is_another() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("work.lock");
+        let file = File::create(&path).unwrap();
+        assert!(is_at(&file, &path));
+        fs::remove_file(&path).unwrap();
+        assert!(!is_at(&file, &path));
+        let other = File::create(&path).unwrap();
+        assert!(!is_at(&file, &path) && is_at(&other, &path));
+    }
 }

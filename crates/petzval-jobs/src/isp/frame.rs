@@ -398,7 +398,8 @@ fn smooth_shading(about: &mut FrameData, path: &Path, context: &Context) {
     *mesh = fine;
 }
 
-/// The digital number at which the pixels of a frame saturate: that which is stated, or a lower one at which those of a colour pile up, exactly or within a few numbers.
+/// The digital number at which the pixels of a frame saturate: that which is stated, or a lower one at which those of a colour pile up,
+/// exactly or within a few numbers.
 fn saturated_dn(
     dn: &[u32],
     width: usize,
