@@ -280,6 +280,15 @@ fn a_stop_exactly_at_the_focus_is_as_telecentric_as_one_beside_it() {
     assert!(order(lens).entrance_pupil_at_mm.abs() > 1e6 && lens.entrance_pupil_mm.is_finite());
     assert!((order(lens).stop_radius_mm / order(other).stop_radius_mm - 1.0).abs() < 1e-4);
     assert!((lens.total_track_mm() - other.total_track_mm()).abs() < 1e-9);
+    // A far object has no such lens: its light would pass the stop in a point.
+    let far = telecentric(focus_mm).replace("DISZ 150", "DISZ INFINITY");
+    let far = far.replace("OBNA 0.03", "ENPD 8").replace("FTYP 1 1", "FTYP 0 0");
+    let said = parse_zmx(&far, &catalog()).unwrap_err().to_string();
+    assert!(
+        said.contains("`TYPE STANDARD`")
+            && said.contains("the entrance pupil of a far object lies at infinity"),
+        "{said}"
+    );
     let spot_um = |lens: &Lens| SpotResiduals::new(lens).value(lens).unwrap();
     assert!((spot_um(lens) / spot_um(other) - 1.0).abs() < 1e-3, "{} {}", spot_um(lens), spot_um(other));
 }

@@ -625,6 +625,14 @@ fn an_entrance_pupil_at_infinity_is_refused_with_the_numbers_of_one_far_away() {
     };
     let error = parse_lens(&text(["-50.0", "-25.0", "8.0"]), &Catalog::default()).unwrap_err();
     assert_eq!((error.line, error.key.as_str()), (Some(4), "entrance_pupil_diameter_mm"), "{error}");
+    // A far object has no such lens at all: the distance to the stop is at fault.
+    let far = text(["-50.0", "-25.0", "8.0"]).replace("distance_mm = 150.0", "distance_mm = inf");
+    let at_stop = parse_lens(&far, &Catalog::default()).unwrap_err();
+    assert_eq!(
+        (at_stop.line, at_stop.key.as_str(), at_stop.value.as_str()),
+        (Some(13), "thickness_mm", "-50.0")
+    );
+    assert!(at_stop.message.contains("the entrance pupil of a far object lies at infinity"), "{at_stop}");
     let hint = error.hint.unwrap();
     assert!(error.message.contains("telecentric") && hint.contains("fills 4 mm"), "{hint}");
     // What the hint says is a lens whose beam fills the stop.

@@ -5,10 +5,10 @@ mod common;
 use std::sync::Arc;
 
 use common::paraboloid;
-use petzval_optics::analysis::{Cone, field_mtf, first_order_table, wavefront};
+use petzval_optics::analysis::{Cone, field_mtf, first_order_table, leaves_parallel, wavefront};
 use petzval_optics::glass::{Dispersion, Glass};
 use petzval_optics::lens::{
-    Action, Axis, Lens, LensDefect, ObjectDistance, Placement, Surface, SurfaceShape, validate,
+    Action, Axis, Departure, Lens, LensDefect, ObjectDistance, Placement, Surface, SurfaceShape, validate,
 };
 use petzval_optics::paraxial::first_order;
 
@@ -108,6 +108,32 @@ fn a_beam_that_is_not_round_has_the_cone_of_its_area() {
     tilted.surfaces[0].placement = Some(Placement { tilt_rad: [turn, 0.0, 0.0], ..Placement::default() });
     let found = Cone::of(&tilted).na;
     assert!((found / round - 0.5_f64.sqrt()).abs() < 1e-4, "{found} {round}");
+}
+
+/// The paraxial ray of the y-z section sees neither a cylinder with its power in x nor the slope of an axicon.
+#[test]
+fn light_leaves_parallel_where_real_rays_of_both_sections_do() {
+    let shaped = |departure: Departure| {
+        let shape = SurfaceShape { departure, ..SurfaceShape::PLANE };
+        lens(10.0, vec![Surface { shape, glass: medium(1.5), ..plane(3.0, 6.0) }, plane(50.0, 8.0)])
+    };
+    let mut terms = [0.0; 8];
+    terms[0] = 0.1;
+    let axicon = shaped(Departure::Odd(terms));
+    for (lens, parallel) in [
+        (&shaped(Departure::None), [true; 2]),
+        (&lens(20.0, vec![thin(73.3, 93.0), thin(19.7, 48.0)]), [true; 2]),
+        (&shaped(Departure::Toroid { curvature_x: 0.02 }), [false, true]),
+        (&axicon, [false; 2]),
+        (&lens(20.0, vec![thin(100.0, 90.0)]), [false; 2]),
+    ] {
+        assert_eq!(leaves_parallel(lens), parallel);
+    }
+    // Every ray leaves the axicon at one angle: Snell's law at the cone, then at the plane.
+    let slope = 0.1_f64.atan();
+    let na = 1.5 * (slope - (slope.sin() / 1.5).asin()).sin();
+    let found = Cone::of(&axicon);
+    assert!(found.is_real && (found.na / na - 1.0).abs() < 1e-9, "{} {na}", found.na);
 }
 
 #[test]

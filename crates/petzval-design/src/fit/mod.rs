@@ -16,6 +16,7 @@ use std::path::Path;
 
 use petzval_camera::sensor::SensorModel;
 use petzval_files::{Import, LensFile};
+use petzval_optics::analysis::leaves_parallel;
 use petzval_optics::design_space::near_variables;
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::number::Number;
@@ -176,6 +177,16 @@ fn check_forms_an_image(lens: &Lens) -> Result<(), (&'static str, &'static str)>
     let order = first_order(&lens.at_wavelength(lens.reference_um));
     let is_afocal = |mm: f64| !mm.is_finite() || mm.abs() > AFOCAL * lens.entrance_pupil_mm;
     let light = if lens.light_goes_forwards(lens.surfaces.len() - 1) { 1.0 } else { -1.0 };
+    if lens.object == ObjectDistance::Infinity
+        && !order.efl_mm.is_finite()
+        && leaves_parallel(lens) != [true; 2]
+    {
+        let hint = "the camera of a design needs a lens that images points";
+        return Err((
+            "the lens has no focal length: its rays meet at no paraxial focus, as those of an axicon do",
+            hint,
+        ));
+    }
     if lens.object == ObjectDistance::Infinity && is_afocal(order.efl_mm) {
         let hint = "add the lens that focuses behind it to the file";
         return Err((

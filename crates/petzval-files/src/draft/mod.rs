@@ -22,7 +22,7 @@ pub(super) use item::{Break, Clear, Drafted, Item, Offset};
 pub(super) use place::{check_angles, is_bend, undone};
 pub(super) use power::{in_mm, set_powers};
 pub(super) use record::{Record, line_end};
-pub(super) use telecentric::{is_exactly_telecentric, with_stop_beside_focus};
+pub(super) use telecentric::{FAR_PUPIL, has_pupil_at_infinity, with_stop_beside_focus};
 
 use super::loss::{Effect, Loss, Losses};
 use crate::wavelength::{OPTICAL_UM, wavelength_message};
@@ -132,6 +132,9 @@ impl Draft {
             lens = petzval_optics::solve::with_paraxial_focus(&lens, 0.0);
         }
         lens = telecentric::off_the_focus(lens, &drafted, &mut losses);
+        if lens.object == ObjectDistance::Infinity && has_pupil_at_infinity(&lens) {
+            return Err(drafted[stop].record.error(FAR_PUPIL).hint("move the stop off that focus"));
+        }
         lens.entrance_pupil_mm = aperture::entrance_pupil_mm(&lens, &self.aperture, drafted[stop].clear)?;
         let (mut lens, drafted) = offset::with_planes(lens, drafted, &self.fields, &mut losses);
         lens.entrance_pupil_mm = aperture::within_stop(&lens, &drafted[lens.stop], &mut losses);

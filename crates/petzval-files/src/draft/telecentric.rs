@@ -10,11 +10,19 @@ use crate::loss::{Effect, Losses};
 /// object's height over the focal length, far below any pupil aberration.
 const STEP: f64 = 1e-6;
 
+/// Why no far object has a lens whose stop stands exactly at the focus of what is in front of it.
+pub(crate) const FAR_PUPIL: &str = "the stop is exactly at the focus of what is in front of it: the entrance pupil of a far object lies at infinity, \
+                                    and no diameter says how large it is";
+
+/// Whether the stop of a lens stands exactly at the focus of what is in front of it: its entrance pupil is at infinity.
+pub(crate) fn has_pupil_at_infinity(lens: &Lens) -> bool {
+    first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm == 0.0
+}
+
 /// Whether the stop of a lens for a near object stands exactly at the focus of what is in front of it: its entrance pupil is at infinity
 /// (telecentric), and no diameter says how large it is.
-pub(crate) fn is_exactly_telecentric(lens: &Lens) -> bool {
-    let radius_mm = || first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm;
-    lens.object != ObjectDistance::Infinity && radius_mm() == 0.0
+fn is_exactly_telecentric(lens: &Lens) -> bool {
+    lens.object != ObjectDistance::Infinity && has_pupil_at_infinity(lens)
 }
 
 /// A lens whose stop stands exactly at that focus, with the stop a little behind it, and by how much it moved, mm; `None` if the stop is no

@@ -8,7 +8,7 @@ use super::text::{
     WavelengthsText,
 };
 use super::{Expect, Expected, ExpectedSpots, LensFile};
-use crate::draft::{Import, is_exactly_telecentric, with_open_surfaces, with_stop_beside_focus};
+use crate::draft::{FAR_PUPIL, Import, has_pupil_at_infinity, with_open_surfaces, with_stop_beside_focus};
 use crate::field_weights::{WeightFault, uneven_weights};
 use crate::glass_toml::read_glasses;
 use crate::loss::{Effect, Loss};
@@ -152,8 +152,15 @@ impl Reader<'_> {
 
     /// Refuses an entrance pupil at infinity, whose diameter says nothing; the hint has the numbers of one that is far away.
     fn check_entrance_pupil(&self, lens: &Lens, file: &LensText) -> Result<(), FileError> {
-        if !is_exactly_telecentric(lens) {
+        if !has_pupil_at_infinity(lens) {
             return Ok(());
+        }
+        if lens.object == ObjectDistance::Infinity {
+            let thickness = &file.surface[lens.stop - 1].get_ref().thickness_mm;
+            let error = self.error("thickness_mm", thickness.span(), FAR_PUPIL);
+            return Err(
+                error.hint(format!("another thickness_mm of surface {} moves it off that focus", lens.stop))
+            );
         }
         let key = "entrance_pupil_diameter_mm";
         let message = "the stop is exactly at the focus in front of it (telecentric): an entrance pupil at infinity has no diameter";

@@ -86,8 +86,8 @@ fn landings(lens: &Lens) -> Vec<[f64; 3]> {
     rays.into_iter().map(land).collect()
 }
 
-/// An off-axis parabola behind a break that only shifts the axis, with the axis put back by a break of any order, in part, or by a dummy of
-/// CODE V: rays parallel to the axis meet in the focus, which stays where the parabola has it.
+/// An off-axis parabola behind a break that only shifts the axis. A break of any order puts the axis back, or a part of it, or a dummy of CODE V
+/// does: rays parallel to the axis meet in the focus, which stays where the parabola has it.
 #[test]
 fn shifts_of_the_axis_are_put_back_in_any_order() {
     let parabola = "SURF 2\n TYPE COORDBRK\n PARM 2 -40\n DISZ 0\nSURF 3\n CURV -0.0025\n CONI -1\n GLAS MIRROR\n DISZ 0\n";

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use petzval_base::pasted;
 use petzval_files::{LensFile, Loss};
-use petzval_optics::analysis::Cone;
+use petzval_optics::analysis::{Cone, leaves_parallel};
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::paraxial::first_order;
 use petzval_optics::pupil::Quadrature;
@@ -202,7 +202,14 @@ pub(super) struct NoImage {
 pub(super) fn no_image(lens: &Lens) -> Option<NoImage> {
     let order = first_order(&lens.at_wavelength(lens.reference_um));
     if order.stop_radius_mm == 0.0 {
-        let reason = "the lens is telecentric on the side of its object: its entrance pupil is at infinity";
+        let reason = match lens.object {
+            ObjectDistance::Infinity => {
+                "the stop is at the focus of what is in front of it: the entrance pupil of a far object is at infinity"
+            }
+            ObjectDistance::Finite(_) => {
+                "the lens is telecentric on the side of its object: its entrance pupil is at infinity"
+            }
+        };
         return Some(NoImage {
             reason,
             hint: "move the stop a little off the focus of what is in front of it",
@@ -215,11 +222,18 @@ pub(super) fn no_image(lens: &Lens) -> Option<NoImage> {
         ObjectDistance::Infinity => "the lens is afocal in the y-z plane: it has no focus",
         ObjectDistance::Finite(_) => "the object is at the front focus: its image is at infinity",
     };
-    Some(NoImage { reason, hint: PARALLEL_LIGHT })
+    // What to do depends on where real rays go.
+    let hint = match leaves_parallel(lens) {
+        [true, true] => "a thin lens of known focal length behind it makes an image of parallel light",
+        [false, true] => {
+            "its power lies in x: exchange x and y of its surfaces; `lens show` and `lens trace` take it as it is"
+        }
+        [_, false] => {
+            "its rays meet at no paraxial focus, as those of an axicon do; `lens show` and `lens trace` take it"
+        }
+    };
+    Some(NoImage { reason, hint })
 }
-
-/// What to do where light leaves the lens parallel.
-const PARALLEL_LIGHT: &str = "a thin lens of known focal length behind it makes an image of parallel light";
 
 /// Refuses a lens that has no entrance pupil or no image at a finite distance.
 pub(super) fn check_image(name: &str, lens: &Lens) -> Result<()> {

@@ -2,7 +2,7 @@
 
 use petzval_design::assets::glass_warnings::glass_warnings;
 use petzval_files::lens_toml::special_lines;
-use petzval_optics::analysis::{Cone, first_order_table};
+use petzval_optics::analysis::{Cone, first_order_table, leaves_parallel};
 use petzval_optics::lens::{Action, Lens, ObjectDistance};
 use petzval_optics::paraxial::{FirstOrder, first_order};
 use petzval_optics::pupil::{PupilRefinement, Quadrature, Refined, paraxial_launch, trace_beam};
@@ -185,8 +185,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let lens = focused(context.assets.lens(name)?.lens, request.focus)?;
     let reference = lens.at_wavelength(lens.reference_um);
     let order = first_order(&reference);
-    // Light that leaves parallel makes no image, and no spots.
-    let spots = if order.image_distance_mm.is_finite() { spots(name, &lens)? } else { Vec::new() };
+    // Light that leaves parallel in both sections makes no image, and no spots.
+    let spots = if leaves_parallel(&lens) == [true; 2] { Vec::new() } else { spots(name, &lens)? };
     let full_field = lens.outermost_field_deg().to_radians();
     let seidel = seidel_total(&reference, full_field)
         .map(|total| total.s)
@@ -352,9 +352,13 @@ fn warnings(lens: &Lens, order: &FirstOrder, spots: &[Spots]) -> Vec<String> {
     if matches!(lens.object, ObjectDistance::Finite(_)) && !order.image_distance_mm.is_finite() {
         found.push("the object is at the front focus: its image is at infinity".to_owned());
     }
-    if !order.image_distance_mm.is_finite() {
+    if leaves_parallel(lens) == [true; 2] {
         found.push(
             "light leaves the lens parallel: spots are beam widths on the plane of the file".to_owned(),
+        );
+    } else if !order.image_distance_mm.is_finite() {
+        found.push(
+            "light leaves the lens parallel in its paraxial y-z section alone: spots are those of real rays on the plane of the file".to_owned(),
         );
     } else if !Cone::of(lens).is_real {
         found.push(

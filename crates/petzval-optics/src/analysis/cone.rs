@@ -4,13 +4,19 @@ use std::f64::consts::{PI, TAU};
 
 use crate::lens::Lens;
 use crate::paraxial::first_order;
-use crate::pupil::aim_one;
+use crate::pupil::{aim_one, paraxial_launch};
 use crate::seidel::marginal_and_chief;
 use crate::trace::{Sequence, launch, trace_ray};
 use crate::vector::{Vec3, along, dot};
 
 /// Rays along the rim of the stop.
 const RIM: usize = 16;
+
+/// Share of the pupil at which rays say whether light leaves parallel: spherical aberration has a billionth of its angle there.
+const NEAR_AXIS: f64 = 1e-3;
+
+/// Angle between two such rays that leave parallel, rad.
+const PARALLEL_RAD: f64 = 1e-7;
 
 /// The cone of light that meets the image on the axis, at the reference wavelength.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,10 +32,10 @@ pub struct Cone {
 impl Cone {
     /// The cone of a lens.
     pub fn of(lens: &Lens) -> Self {
-        let sequence = lens.at_wavelength(lens.reference_um);
-        if !first_order(&sequence).image_distance_mm.is_finite() {
+        if leaves_parallel(lens) == [true; 2] {
             return Self { na: 0.0, is_real: false };
         }
+        let sequence = lens.at_wavelength(lens.reference_um);
         match real_na(&sequence) {
             Some(na) => Self { na, is_real: true },
             None => Self { na: paraxial_na(&sequence), is_real: false },
@@ -50,6 +56,30 @@ impl Cone {
     pub fn airy_radius_um(&self, wavelength_um: f64) -> f64 {
         1.219_67 * wavelength_um * self.working_f_number()
     }
+}
+
+/// Whether light of the axis leaves a lens parallel in the x-z and in the y-z section, at the reference wavelength.
+///
+/// Where the paraxial image of the y-z section is at a finite distance, it does not. Elsewhere real rays decide, a thousandth of the pupil on either side
+/// of its middle: the paraxial ray sees neither the power of a cylinder in x nor the slope of an axicon. A section whose rays are lost counts as
+/// parallel.
+pub fn leaves_parallel(lens: &Lens) -> [bool; 2] {
+    let sequence = lens.at_wavelength(lens.reference_um);
+    let order = first_order(&sequence);
+    if order.image_distance_mm.is_finite() {
+        return [false; 2];
+    }
+    let direction = |p: [f64; 2]| {
+        let at = paraxial_launch(&order, &sequence, 0.0, p);
+        Some(trace_ray(&sequence, launch(&sequence, 0.0, at).ray).image?.direction)
+    };
+    [[NEAR_AXIS, 0.0], [0.0, NEAR_AXIS]].map(|p| match (direction(p), direction(p.map(|v| -v))) {
+        (Some(a), Some(b)) => {
+            let between = along(a, -1.0, b);
+            dot(between, between).sqrt() <= PARALLEL_RAD
+        }
+        _ => true,
+    })
 }
 
 /// Numerical aperture by rays through the rim of the stop; `None` if one of them is lost.

@@ -108,8 +108,8 @@ impl Lens {
         self.surfaces[surface].thickness_mm + idle.map(|i| self.surfaces[i].thickness_mm).sum::<f64>()
     }
 
-    /// Whether a surface is a plane that does nothing to light and leaves the direction of the axis as it is: a stop, a dummy to measure from or to
-    /// clip at, or a coordinate break that only shifts the axis. It is no thing that glass or mirrors could run into.
+    /// Whether a surface is a plane that does nothing to light and keeps the direction of the axis: a stop, a dummy to measure from or to clip at, or
+    /// a coordinate break that only shifts the axis. It is no thing that glass or mirrors could run into.
     pub fn is_idle_plane(&self, surface: usize) -> bool {
         let s = &self.surfaces[surface];
         s.shape == SurfaceShape::PLANE

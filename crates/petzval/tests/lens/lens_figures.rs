@@ -65,6 +65,32 @@ fn an_afocal_lens_is_called_afocal_everywhere() {
     assert!(!folder.path().join("optimised").exists());
 }
 
+/// A cylinder with its power in x and an axicon have no paraxial focus in the y-z section, but light does not leave them parallel.
+#[test]
+fn lenses_that_focus_beside_the_paraxial_section_have_spots() {
+    let folder = tempfile::tempdir().unwrap();
+    let made = |name: &str, shape: &str| {
+        let surfaces = format!(
+            "[glass.M15]\nn = 1.5\n[[surface]]\nstop = true\nradius_mm = inf\n{shape}\nthickness_mm = 3.0\nglass = \"M15\"\nsemi_diameter_mm = 6.0\n\
+             [[surface]]\nradius_mm = inf\nthickness_mm = 49.0\nsemi_diameter_mm = 8.0\n"
+        );
+        lens(folder.path(), name, &pupil(10.0), &surfaces)
+    };
+    let cylinder = made("cylinder", "toroid = { radius_x_mm = 50.0 }");
+    let axicon = made("axicon", "odd = { b1 = 0.1 }");
+    for (file, hint) in [(&cylinder, "exchange x and y"), (&axicon, "as those of an axicon do")] {
+        let (json, text) = shown(folder.path(), file);
+        assert!(text.contains("in its paraxial y-z section alone"), "{text}");
+        assert_eq!(json["rms_spot_um"].as_array().unwrap().len(), 2);
+        run_fails(folder.path(), &["lens", "analyze", file], 2, &["afocal in the y-z plane", hint]);
+    }
+    // In y the beam keeps its width. In x the focus lies 98 mm behind the cylinder, and half of the light's way leaves 0.49 of the width.
+    let (json, _) = shown(folder.path(), &cylinder);
+    let wanted_um = 2500.0 * 1.0_f64.hypot(0.49);
+    let found_um = json["rms_spot_poly_um"][0].as_f64().unwrap();
+    assert!((found_um / wanted_um - 1.0).abs() < 0.01, "{found_um} {wanted_um}");
+}
+
 #[test]
 fn a_relay_without_a_focal_length_has_psfs_of_a_near_object() {
     let folder = tempfile::tempdir().unwrap();
