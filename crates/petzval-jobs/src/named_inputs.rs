@@ -171,7 +171,7 @@ mod tests {
             found("lens-convert", json!({"from": "a.zmx", "to": "b.toml"})),
             [of("from", InputKind::Lens, "a.zmx")]
         );
-        let raws = json!({"raws": ["a.tif", "b*.tif"], "frame": {"sensor": "s.toml"}, "set": ["a=b.csv"]});
+        let raws = json!({"raws": ["a.tif", "b*.tif"], "frame": {"sensor": "s.toml"}, "set": ["a=b.csv"], "out": "developed.png"});
         assert_eq!(
             found("isp-develop", raws),
             [of("frame.sensor", InputKind::Sensor, "s.toml"), of("raws.0", InputKind::File, "a.tif")]

@@ -8,11 +8,10 @@
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::dark_defects::LeftOut;
 use super::fit::{Line, TestedLine, tested_line};
 use super::goodness::{FitTest, Verdict};
 use super::measured::Unresolved;
-use super::point::Moments;
+use super::point::{LeftOut, Moments};
 use super::rounding::RoundingError;
 
 /// Dark frames of one exposure time.

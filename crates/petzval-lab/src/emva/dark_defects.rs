@@ -7,7 +7,7 @@
 use super::captures::{Kind, Point};
 use super::defects::defects;
 use super::high_pass::Plane;
-use super::point::{Moments, PointStatistics, Stack};
+use super::point::{PointStatistics, Stack};
 use petzval_base::statistics::{SIGMA_OVER_MEDIAN, median};
 use petzval_camera::sensor::CfaPattern;
 
@@ -16,34 +16,6 @@ const GROWTH_SIGMAS: f64 = 6.0;
 
 /// Least standard deviation of that growth, DN: two numbers that are both rounded.
 const LEAST_GROWTH_DN: f64 = 0.41;
-
-/// By how much the moments of all pixels change without the defect pixels.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct LeftOut {
-    /// Pixels that are left out.
-    pub pixels: usize,
-    /// Change of the mean, DN.
-    pub mean_dn: f64,
-    /// Change of the temporal variance, DN^2.
-    pub variance_dn2: f64,
-}
-
-impl LeftOut {
-    /// The change of the moments of so many frames without pixels of these sums, DN, and temporal variances, DN^2.
-    pub fn of(all: &Moments, frames: usize, pixels: impl Iterator<Item = (u32, f64)>) -> Self {
-        let (mut count, mut mean_dn, mut variance_dn2) = (0, 0.0, 0.0);
-        for (sum_dn, variance) in pixels {
-            count += 1;
-            mean_dn += f64::from(sum_dn) / frames as f64 - all.mean_dn;
-            variance_dn2 += variance - all.variance_uncorrected_dn2;
-        }
-        if count == 0 || count >= all.pixels {
-            return Self::default();
-        }
-        let kept = (all.pixels - count) as f64;
-        Self { pixels: count, mean_dn: -mean_dn / kept, variance_dn2: -variance_dn2 / kept }
-    }
-}
 
 /// A flat and a dark point of one exposure time that show which pixels answer light: stacks, or else the pair in the middle of the flat ones.
 pub fn flat_and_dark<'a>(points: &[&'a Point]) -> Option<[&'a Point; 2]> {

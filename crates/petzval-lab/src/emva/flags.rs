@@ -16,8 +16,7 @@
 
 use super::block_means::BLOCKS;
 use super::captures::{Captures, Kind, Point};
-use super::dark_defects::LeftOut;
-use super::point::PointStatistics;
+use super::point::{LeftOut, PointStatistics};
 use petzval_base::statistics::median;
 
 /// The frames of one point with their moments and flags.

@@ -19,7 +19,6 @@ use serde::Serialize;
 use super::block_means::{BLOCKS, BlockMeans, block_means};
 use super::captures::{CaptureError, Captures, FrameFile, Kind, Point};
 use super::counts::Counts;
-use super::dark_defects::LeftOut;
 use super::line_covariance::{LineCovariance, LineModel};
 use super::line_noise::{LineNoise, LineSums, double_differences};
 use super::tile_range::tile_range_dn;
@@ -28,6 +27,34 @@ use petzval_files::raw_file::{RawFrame, RawInfo};
 
 /// Share of samples at an end of the converter's range above which a point counts as clipped there.
 pub const CLIPPED_SHARE: f64 = 1e-4;
+
+/// By how much the moments of all pixels change without the defect pixels.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct LeftOut {
+    /// Pixels that are left out.
+    pub pixels: usize,
+    /// Change of the mean, DN.
+    pub mean_dn: f64,
+    /// Change of the temporal variance, DN^2.
+    pub variance_dn2: f64,
+}
+
+impl LeftOut {
+    /// The change of the moments of so many frames without pixels of these sums, DN, and temporal variances, DN^2.
+    pub fn of(all: &Moments, frames: usize, pixels: impl Iterator<Item = (u32, f64)>) -> Self {
+        let (mut count, mut mean_dn, mut variance_dn2) = (0, 0.0, 0.0);
+        for (sum_dn, variance) in pixels {
+            count += 1;
+            mean_dn += f64::from(sum_dn) / frames as f64 - all.mean_dn;
+            variance_dn2 += variance - all.variance_uncorrected_dn2;
+        }
+        if count == 0 || count >= all.pixels {
+            return Self::default();
+        }
+        let kept = (all.pixels - count) as f64;
+        Self { pixels: count, mean_dn: -mean_dn / kept, variance_dn2: -variance_dn2 / kept }
+    }
+}
 
 /// Moments of the pixels of one colour (or of all) at one point.
 #[derive(Debug, Clone, PartialEq, Serialize)]
