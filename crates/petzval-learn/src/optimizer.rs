@@ -20,7 +20,7 @@ const LEAST_SIDE: usize = 16;
 /// Parts of an optimiser, which take their step at once. The weights of a part are moved one after the other.
 const PARTS: usize = 16;
 
-/// An optimiser of all weights of a network, on all threads: each weight tensor is in one of [`PARTS`] parts, which take their step at once. The new
+/// An optimiser of all weights of a network, on all threads: each weight tensor is in one of several parts, which take their step at once. The new
 /// values of a weight depend on its own gradients alone, so that they have the same bits on any number of threads, and in any parts.
 pub struct Optimizer {
     parts: Vec<ModuleOptimizer>,

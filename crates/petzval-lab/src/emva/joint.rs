@@ -348,6 +348,9 @@ const FAR_OFF_DN: f64 = 0.25;
 /// Least distance of a dark variance from its line for that, as a share of it.
 const FAR_OFF_SHARE: f64 = 0.1;
 
+/// The distance of a point from a line, and the value of the point.
+type Distance = (f64, f64);
+
 /// Weighted line of `y` over `K_g^power`. The slope of a first fit converts the error of `K_g` to an error of `y`. Withdrawn if its points are
 /// far off: `is_far` says so of their distances from the line and `y`. Where the response bends, K is off by another share at each gain: the errors
 /// contain the line through gains that are off by what theirs differ from the mean share.
@@ -355,7 +358,7 @@ fn line_over_gains(
     rows: &[GainRow],
     power: i32,
     y: fn(&GainRow) -> Measured,
-    is_far: &dyn Fn(&[(f64, f64)]) -> bool,
+    is_far: &dyn Fn(&[Distance]) -> bool,
 ) -> TestedLine {
     let is_used = |r: &&GainRow| {
         r.gain_dn_per_e.value().is_some()
@@ -388,7 +391,7 @@ fn line_over_gains(
         fitted = tested_line(&xs, &ys, &weights(&errors), &errors);
     }
     let found = [fitted.by_noise.slope, fitted.by_noise.intercept].map(|m| m.value().unwrap_or(0.0));
-    let off: Vec<(f64, f64)> = usable.iter().map(|u| (u.2 - found[0] * u.0 - found[1], u.2)).collect();
+    let off: Vec<Distance> = usable.iter().map(|u| (u.2 - found[0] * u.0 - found[1], u.2)).collect();
     let has_far = is_far(&off);
     let of_model: Vec<f64> = rows
         .iter()

@@ -488,7 +488,7 @@ class TaskViewEditsItemEdit23(TypedDict, total=False):
     of: int
     """Surface that it follows."""
     offset: float | None
-    """Offset in the unit of the number, of radii in 1/mm; 0 if it is left out."""
+    """Offset in the unit of the number, of radii in 1/mm, of tilts in degrees; 0 if it is left out."""
     parameter: str
     """The number as lens files name it; radii follow as curvatures."""
     scale: float | None
@@ -1059,7 +1059,7 @@ class LensViewEditsItemEdit23(TypedDict, total=False):
     of: int
     """Surface that it follows."""
     offset: float | None
-    """Offset in the unit of the number, of radii in 1/mm; 0 if it is left out."""
+    """Offset in the unit of the number, of radii in 1/mm, of tilts in degrees; 0 if it is left out."""
     parameter: str
     """The number as lens files name it; radii follow as curvatures."""
     scale: float | None
@@ -1468,7 +1468,7 @@ class LensEditEditsItemEdit23(TypedDict, total=False):
     of: int
     """Surface that it follows."""
     offset: float | None
-    """Offset in the unit of the number, of radii in 1/mm; 0 if it is left out."""
+    """Offset in the unit of the number, of radii in 1/mm, of tilts in degrees; 0 if it is left out."""
     parameter: str
     """The number as lens files name it; radii follow as curvatures."""
     scale: float | None
@@ -2583,7 +2583,7 @@ class CameraViewEditsItemEdit23(TypedDict, total=False):
     of: int
     """Surface that it follows."""
     offset: float | None
-    """Offset in the unit of the number, of radii in 1/mm; 0 if it is left out."""
+    """Offset in the unit of the number, of radii in 1/mm, of tilts in degrees; 0 if it is left out."""
     parameter: str
     """The number as lens files name it; radii follow as curvatures."""
     scale: float | None

@@ -83,13 +83,17 @@ fn what_is_wrong_is_refused_with_its_place_and_nothing_is_written() {
         // Inputs of a job, the same for every unit and of one unit alone.
         (
             "job = \"lens-tolerance\"\n[request]\nlens = \"none.toml\"\n[grid]\nseed = [1, 2]\n",
-            &["s.toml:3:8: `lens = \"none.toml\"`", "neither a file nor one of the built-in ones", "the folder of the sweep"],
+            &[
+                "s.toml:3:8: `lens = \"none.toml\"`",
+                "neither a file nor one of the built-in ones",
+                "the folder of the sweep",
+            ],
         ),
         (
             "job = \"lens-show\"\n[grid]\nlens = [\"cooke-triplet-nominal\", \"cooke-triplet-nomnal\"]\n",
             &[
                 "s.toml:3:34: `lens = \"cooke-triplet-nomnal\"`: unit ",
-                "did you mean \"cooke-triplet-nominal\"?",
+                "did you mean `cooke-triplet-nominal`?",
             ],
         ),
         (
