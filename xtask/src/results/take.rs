@@ -92,6 +92,12 @@ fn renew(table: &mut Table, row: &str, camera: &str, runs: &[Run]) -> Result<(),
         ));
     }
     let filled = filled_row(row, &table.columns, |column| scores(runs, camera, column))?;
+    if filled.iter().skip(1).all(Option::is_none) {
+        return Err(format!(
+            "table {:?} has no column with a metric, by which a run fills a cell",
+            table.key
+        ));
+    }
     let Some(old) = table.rows.iter_mut().find(|old| name_of(old) == Some(row)) else {
         return Err(format!("table {:?} has no row {row:?}; write --row ROW=CAMERA", table.key));
     };
@@ -304,6 +310,11 @@ mod tests {
         assert!(
             problem("made", &[run(1, 0.0, 0.0)]).contains("the runs have the seeds [1], the table [1, 2]")
         );
+        // Without a metric nothing would be made again, and the table would say that it was.
+        let mut without = DataFile::parse(&text.replace("\"metric\"", "\"unit\"")).unwrap();
+        let runs = [run(1, 0.0, 24.0), run(2, 0.0, 26.0)];
+        let refused = renew(&mut without.tables[0], "perfect optics", "end-to-end", &runs).unwrap_err();
+        assert!(refused.contains("no column with a metric"), "{refused}");
     }
 
     #[test]
