@@ -94,7 +94,9 @@ impl Drop for WorkLock {
         // A name or a file that stays does no harm: only a lock that is held counts.
         let _stays = match std::mem::replace(&mut self.end, End::Removed) {
             End::Restored(before) => self.write(&before),
-            End::Removed => fs::remove_file(&self.path),
+            // Where the file was taken away, another process may have made its own.
+            End::Removed if is_at(&self.file, &self.path) => fs::remove_file(&self.path),
+            End::Removed => Ok(()),
         };
         // Closing would not do: a program that is just being started holds a copy of the open file.
         let _ends_with_the_process = self.file.unlock();

@@ -243,7 +243,6 @@ mod tests {
             scatter: 0.0,
             sagitta_px: 0.4,
             light_fall: Some(0.25),
-            hump: 0.0,
             left_out: 64,
             profile: vec![(-1.0, 0.0), (0.0, 0.5), (1.0, 1.0)],
             path: vec![[40.0, 30.0], [104.0, 36.0]],

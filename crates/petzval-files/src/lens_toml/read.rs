@@ -155,8 +155,9 @@ impl Reader<'_> {
         if !has_pupil_at_infinity(lens) {
             return Ok(());
         }
-        if lens.object == ObjectDistance::Infinity {
-            let thickness = &file.surface[lens.stop - 1].get_ref().thickness_mm;
+        let in_front = lens.stop.checked_sub(1).and_then(|i| file.surface.get(i));
+        if let (ObjectDistance::Infinity, Some(in_front)) = (lens.object, in_front) {
+            let thickness = &in_front.get_ref().thickness_mm;
             let error = self.error("thickness_mm", thickness.span(), FAR_PUPIL);
             return Err(
                 error.hint(format!("another thickness_mm of surface {} moves it off that focus", lens.stop))

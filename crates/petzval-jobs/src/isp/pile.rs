@@ -86,6 +86,14 @@ fn at_largest(dn: &[u32], largest: u32) -> Option<Pile> {
     is_pile.then_some(Pile { dn: largest, pixels, is_one_number: true })
 }
 
+/// The noise of a peak beside that of lower levels.
+struct PeakNoise {
+    /// Its noise over the least shot noise that a lower level lets expect.
+    ratio: f64,
+    /// Whether several levels agree, as those of light do.
+    is_even: bool,
+}
+
 /// A peak at the upper end of the numbers, DN.
 struct Spread {
     middle: f64,
@@ -130,7 +138,11 @@ impl Spread {
     fn pile(&self, dn: &[u32], width: usize, cfa: CfaPattern) -> Option<Pile> {
         let from = (self.middle - SATURATED * self.sigma).round() as u32;
         let pixels = dn.iter().filter(|v| **v >= from).count();
-        (self.is_of_colours(dn, width, cfa) || self.lacks_shot_noise(dn, width, cfa)).then_some(Pile {
+        // A white wall has one number in colours that differ elsewhere, and the noise of its light.
+        let noise = self.noise_over_shot_noise(dn, width, cfa);
+        let is_quiet = noise.as_ref().is_none_or(|noise| noise.ratio < NO_SHOT_NOISE);
+        let is_sure = noise.as_ref().is_some_and(|noise| noise.is_even);
+        (is_quiet && (is_sure || self.is_of_colours(dn, width, cfa))).then_some(Pile {
             dn: from,
             pixels,
             is_one_number: false,
@@ -162,8 +174,8 @@ impl Spread {
         })
     }
 
-    /// Whether neighbours in the peak differ by much less than those at several lower levels, whose noise grows as that of light does.
-    fn lacks_shot_noise(&self, dn: &[u32], width: usize, cfa: CfaPattern) -> bool {
+    /// By how much neighbours in the peak differ, over the shot noise that lower levels let expect there; none where there are none.
+    fn noise_over_shot_noise(&self, dn: &[u32], width: usize, cfa: CfaPattern) -> Option<PeakNoise> {
         let mut levels = vec![Vec::new(); LEVELS.len() - 1];
         let mut inside = Vec::new();
         for line in dn.chunks_exact(width) {
@@ -186,13 +198,14 @@ impl Spread {
             .filter(|(_, differences)| differences.len() >= least)
             .map(|(share, differences)| (share, median(differences)))
             .collect();
-        if inside.len() < LEAST_PIXELS || known.len() < LEAST_LEVELS {
-            return false;
+        if inside.len() < LEAST_PIXELS || known.is_empty() {
+            return None;
         }
         // Shot noise is in proportion to the root of the light: continue that of each level to the peak.
         let in_peak = || known.iter().map(|(share, noise)| noise / share.sqrt());
         let (low, high) = (in_peak().fold(f64::INFINITY, f64::min), in_peak().fold(0.0, f64::max));
-        low > 0.0 && high * high <= EVEN_NOISE * low * low && median(inside) < NO_SHOT_NOISE * low
+        let is_even = known.len() >= LEAST_LEVELS && high * high <= EVEN_NOISE * low * low;
+        (low > 0.0).then(|| PeakNoise { ratio: median(inside) / low, is_even })
     }
 }
 
@@ -291,7 +304,13 @@ mod tests {
         let none = |_: &mut Random| f64::INFINITY;
         let spot = |row: usize, column: usize| (40..42).contains(&row) && (60..64).contains(&column);
         type Light<'a> = &'a dyn Fn(usize, usize) -> f64;
-        let scenes: [(&str, Light); 5] = [
+        let scenes: [(&str, Light); 6] = [
+            // Its colours answer alike, and those of the ground do not.
+            ("white wall", &|row, column| {
+                let share =
+                    if column < 64 { 1.0 / ANSWERS[[[0, 1], [1, 2]][row % 2][column % 2]] } else { 0.2 };
+                2800.0 * share
+            }),
             ("wall", &|_, column| if column < 64 { 2800.0 } else { 540.0 }),
             ("sky", &|row, column| {
                 if row < 60 { 2900.0 - 3.0 * row as f64 } else { 300.0 + 400.0 * ((row * column) % 5) as f64 }

@@ -119,9 +119,6 @@ const CLIPPED_SHARE: f64 = 0.005;
 /// Change of the light across a region that is said, of its level.
 const SAID_FALL: f64 = 0.03;
 
-/// Stray light on both sides of an edge of which a warning is given, of the step.
-const SAID_HUMP: f64 = 0.005;
-
 /// Pixels in memory.
 #[derive(Clone, Copy, Debug)]
 pub enum Pixels<'a> {
@@ -384,12 +381,6 @@ fn warn(edges: &[Edge], frame: &Frame, context: &Context) {
                 context.note(format!(
                     "{of}: the light changes by {:.0} % of its level across the region; this is divided out",
                     100.0 * fall
-                ));
-            }
-            if mtf.hump > SAID_HUMP {
-                context.warning(WarningKind::Edge, format!(
-                    "{of}: stray light changes both sides of the edge alike, by {:.1} % of the step: the response may be off by as much, and its errors contain it",
-                    100.0 * mtf.hump
                 ));
             }
             if mtf.left_out > 0 {

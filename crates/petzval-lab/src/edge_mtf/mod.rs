@@ -67,9 +67,6 @@ pub struct EdgeMtf {
     pub sagitta_px: f64,
     /// Largest change of the light across the region, of the bright level, which is divided out; none if the light is even.
     pub light_fall: Option<f64>,
-    /// How far stray light changes both sides alike near the edge, beyond noise, of the step; the errors of the response contain it.
-    #[serde(skip)]
-    pub hump: f64,
     /// Pixels that are left out as defects.
     pub left_out: usize,
     /// Frequencies, cycles per pixel.
@@ -169,7 +166,6 @@ pub fn edge_mtf(channel: &Channel, region: &Region) -> Result<EdgeMtf, SfrError>
         scatter: mean(&|r| r.scatter),
         sagitta_px: pitch * mean(&|r| r.sagitta_px),
         light_fall: responses.iter().filter_map(|r| r.light_fall).max_by(f64::total_cmp),
-        hump: responses.iter().map(|r| r.hump).fold(0.0, f64::max),
         left_out: responses.iter().map(|r| r.left_out).sum(),
         frequency_per_px: (0..sfr.modulation.len()).map(|k| k as f64 * FREQUENCY_STEP / pitch).collect(),
         modulation: sfr.modulation,

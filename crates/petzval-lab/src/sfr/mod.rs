@@ -79,8 +79,6 @@ pub struct EdgeResponse {
     pub undershoot: Estimate,
     /// Largest change of the light across the window, of the bright level, which is divided out; none if the light is even.
     pub light_fall: Option<f64>,
-    /// How far stray light changes both sides alike near the edge, beyond noise, of the step; the errors of the response contain it.
-    pub hump: f64,
     /// Pixels that are left out as defects.
     pub left_out: usize,
     /// The profile from dark, 0, to bright, 1: distance from the edge in pixels, and value.
@@ -123,7 +121,6 @@ pub fn slanted_edge(plane: &Plane, window: &Window) -> Result<EdgeResponse, SfrE
         overshoot,
         undershoot,
         light_fall: profile.sides.fall,
-        hump: profile.hump(),
         left_out: profile.left_out,
         profile: profile.points(),
         path,

@@ -46,8 +46,6 @@ const LARGEST_DEVIATION: f64 = 0.1;
 const NOISE_SIGMAS: f64 = 6.0;
 /// Side of the squares in which a side is compared with its level, pixels. It is compared per pixel of distance as well.
 const SQUARE_PX: f64 = 8.0;
-/// Depth of the parts of both sides whose common change is stray light, pixels.
-const HUMP_PX: f64 = 2.0;
 /// Least pixels of a part that is compared.
 const LEAST_OF_PART: f64 = 8.0;
 
@@ -307,38 +305,12 @@ impl<'a> Profile<'a> {
     /// neighbours may be correlated, though. The larger error of both counts.
     pub fn sfr(&self) -> Sfr {
         let by = |pulls: &[Spline]| Sfr::of(&self.spline, pulls, self.pull_scale(pulls.len()), self.blur_px);
-        let by_bands = by(&self.pulls()).with_share_of_error(self.hump());
+        let by_bands = by(&self.pulls());
         if self.bands == BANDS {
             return by_bands;
         }
         let of_row = |row: usize| self.pull_of(|sample| sample.at[1] as usize == row);
         by_bands.with_errors_at_least(&by(&(0..self.region.height).map(of_row).collect::<Vec<Spline>>()))
-    }
-
-    /// How far both sides rise, or fall, together at a distance from the edge, beyond noise, of the step. The tail of a blur lifts the dark side as far as
-    /// it lowers the bright one; stray light lifts both. It moves the modulation by as large a share.
-    pub fn hump(&self) -> f64 {
-        let (far, half) = (self.far(), self.half() as f64);
-        let mut sums: BTreeMap<i64, [[f64; 3]; 2]> = BTreeMap::new();
-        for s in self.samples.iter().filter(|s| (far..half).contains(&s.distance.abs())) {
-            let side = usize::from(s.distance > 0.0);
-            if let Some(share) = self.sides.share(s.at, s.value) {
-                let of = &mut sums.entry((s.distance.abs() / HUMP_PX) as i64).or_default()[side];
-                let deviation = share - side as f64;
-                *of = [of[0] + deviation, of[1] + deviation * deviation, of[2] + 1.0];
-            }
-        }
-        let together = |sides: &[[f64; 3]; 2]| {
-            if sides.iter().any(|[_, _, count]| *count < LEAST_OF_PART) {
-                return 0.0;
-            }
-            let means = sides.map(|[sum, _, count]| sum / count);
-            let variances =
-                sides.map(|[sum, squares, count]| (squares - sum * sum / count).max(0.0) / (count * count));
-            let noise = 0.5 * (variances[0] + variances[1]).sqrt();
-            (0.5 * (means[0] + means[1])).abs() - NOISE_SIGMAS * noise
-        };
-        sums.values().map(together).fold(0.0, f64::max)
     }
 
     /// Levels of both sides.

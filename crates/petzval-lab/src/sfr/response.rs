@@ -90,14 +90,6 @@ impl Sfr {
         self
     }
 
-    /// The same response with a further error, a share of the modulation; there is none at frequency 0.
-    pub(super) fn with_share_of_error(mut self, share: f64) -> Self {
-        for (error, modulation) in self.standard_error.iter_mut().zip(&self.modulation).skip(1) {
-            *error = error.hypot(share * modulation);
-        }
-        self
-    }
-
     /// The mean of several responses, of independent pixels; none of none.
     pub fn mean(responses: &[&Self]) -> Option<Self> {
         let count = responses.len() as f64;

@@ -269,24 +269,8 @@ fn stray_light_that_grows_across_the_edge_is_subtracted() {
             (f64::from(*v) * (1.0 - fall * y) + 0.6 * (across * x + along * y)) as f32
         };
         let light: Vec<f32> = edge.light().iter().enumerate().map(strayed).collect();
-        let found = edge.assert_mtf50(&with_noise(&light, 0.001, 6), 0.004);
-        assert!(found.hump < 0.002, "{}", found.hump);
+        edge.assert_mtf50(&with_noise(&light, 0.001, 6), 0.004);
     }
-}
-
-#[test]
-fn stray_light_on_both_sides_of_the_edge_widens_the_error() {
-    let edge = Edge::at(5.0, SIGMA);
-    let hump = |(k, v): (usize, &f32)| {
-        let x = (k % SIDE) as f64 + 0.5 - 0.5 * SIDE as f64;
-        v + 0.04 * (-0.5 * (x / 25.0).powi(2)).exp() as f32
-    };
-    let light: Vec<f32> = edge.light().iter().enumerate().map(hump).collect();
-    let found = edge.measured(&with_noise(&light, 0.001, 6)).unwrap();
-    let mtf50 = found.sfr.mtf50().unwrap();
-    let off = (mtf50.frequency - edge.mtf50()).abs();
-    assert!(found.hump > 0.005 && off < 2.0 * mtf50.standard_error, "{} {off} {mtf50:?}", found.hump);
-    assert!(edge.measured(&with_noise(&edge.light(), 0.001, 6)).unwrap().hump < 1e-3);
 }
 
 #[test]

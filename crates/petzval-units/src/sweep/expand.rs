@@ -431,11 +431,12 @@ impl Range {
     }
 }
 
-/// A number with four digits, or to a thousandth of the order of `width` where that is finer.
+/// A number with four digits, or to a thousandth of the order of `width` where four leave fewer than a hundred places in it.
 fn rounded(value: f64, width: f64) -> f64 {
     let order = |number: f64| number.abs().log10().floor();
+    let orders = order(value) - order(width);
     // Seventeen digits tell any two numbers apart.
-    let digits = (3.0 + order(value) - order(width)).clamp(3.0, 16.0) as usize;
+    let digits = if orders >= 2.0 { (3.0 + orders).min(16.0) as usize } else { 3 };
     format!("{value:.digits$e}").parse().unwrap_or(value)
 }
 

@@ -98,6 +98,10 @@ fn check_classes(experiment: &Experiment, text: &str) -> Result<(), FileError> {
                 "ignored = true leaves a class out; without a weight a class counts 1",
             );
         }
+        if weight.is_some() && class.ignored {
+            let message = format!("the class `{name}` is ignored, and has no weight in the loss");
+            return wrong(i, "weight", message, "leave one of the two out");
+        }
         if is_street && street.is_empty() {
             let hint = "name surfaces in `street`, such as [\"road\"], or a folder of pictures in `data`";
             return wrong(i, "street", format!("the class `{name}` takes no surface of streets"), hint);
@@ -249,6 +253,10 @@ mod tests {
                 "{weighted}"
             );
         }
+        assert!(
+            refused(&two(road, &format!("{sky}\nignored = true\nweight = 2")))
+                .contains("is ignored, and has no weight")
+        );
         let weighted = format!("task = \"segments\"\n{}", two(road, &format!("{sky}\nweight = 2.5")));
         assert_eq!(Experiment::parse(&weighted).unwrap().classes().weights(), [1.0, 2.5]);
         let own = |one: &str, other: &str| refused(&format!("data = \"folder\"\n{}", two(one, other)));

@@ -8,7 +8,7 @@
 //! `value`): the angle in degrees by which the box is rotated about its middle. Further attributes of that kind become attributes. Parts of
 //! a person, actions, outlines and other elements are not read; they are counted.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 
@@ -100,6 +100,10 @@ fn splits(
     let has = |part: &str| lists.iter().any(|(known, _)| *known == part);
     let rest = if has("train") && !has("valid") { "valid" } else { "train" };
     let mut parts = ListedParts::default();
+    // Lists name pictures, or their labels where these have another name.
+    let labels: HashSet<&OsStr> =
+        files.iter().filter(|path| ends_with(path, "xml")).filter_map(|path| path.file_stem()).collect();
+    let is_there = |stem: &OsStr| pictures.has_stem(stem) || labels.contains(stem);
     let order = |part: &str| LISTS.iter().position(|known| *known == part);
     lists.sort_by_key(|(part, _)| order(part));
     for (part, path, is_of_both) in (lists.iter().map(|(part, path)| (*part, *path, false)))
@@ -109,12 +113,12 @@ fn splits(
             let Some(name) = line.split_whitespace().next() else { continue };
             // Some lists have names with their ending.
             let stem = match Path::new(name) {
-                whole if is_picture(whole) && !pictures.has_stem(OsStr::new(name)) => whole.file_stem(),
+                whole if is_picture(whole) && !is_there(OsStr::new(name)) => whole.file_stem(),
                 _ => Some(OsStr::new(name)),
             };
             let stem = stem.unwrap_or(OsStr::new(name));
             let place = || format!("{}: line {number}: {name}", path.display());
-            if !pictures.has_stem(stem) {
+            if !is_there(stem) {
                 defects.add(DefectKind::ListedWithoutPicture, place);
                 continue;
             }

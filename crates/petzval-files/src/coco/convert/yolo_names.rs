@@ -122,9 +122,9 @@ fn places(path: &Path, above: &[&OsStr]) -> Vec<PathBuf> {
         let place = |from| above[from..].iter().chain(&own).collect();
         return (0..=above.len()).map(place).collect();
     }
-    let is_telling =
+    let says_more =
         |names: &&[&OsStr]| names.iter().any(|name| !PLAIN_FOLDERS.iter().any(|plain| name == plain));
-    (0..own.len()).map(|from| &own[from..]).filter(is_telling).map(|names| names.iter().collect()).collect()
+    (0..own.len()).map(|from| &own[from..]).filter(says_more).map(|names| names.iter().collect()).collect()
 }
 
 /// The names of the classes, from `data.yaml`, `classes.txt` or a file `.names`. Fails where two of these files give a number to different classes.
