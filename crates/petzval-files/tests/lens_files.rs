@@ -336,6 +336,9 @@ fn pickups_that_contradict_the_file_are_named() {
         said.len() == 1 && said[0].starts_with(&format!("line {line}: `[[pickup]]`: {wanted}")),
         "{said:?}"
     );
+    // Sums are said without the digits of binary fractions.
+    let sum = with("scale = 0.1\noffset = 0.7").0.losses[0].to_string();
+    assert!(sum.contains("makes it 1.511:"), "{sum}");
     // A number that is rounded as tables round it contradicts nothing.
     assert!(with("offset = -4.0960001").0.losses.is_empty());
 }

@@ -49,8 +49,10 @@ pub struct Response {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> =
-    AsUnit::placed(|request, folder| request.out = within(folder, &request.out, "comparison.html"));
+pub(crate) const UNIT: AsUnit<Request> = AsUnit::placed(|request, folder| {
+    request.out = within(folder, &request.out, "comparison.html");
+    request.csv = request.csv.take().map(|csv| within(folder, &csv, "comparison.csv"));
+});
 
 /// Compares finished runs and writes the page.
 pub fn run(request: &Request, context: &Context) -> Result<Response> {

@@ -14,9 +14,7 @@ use petzval_design::inputs::{check_inputs, check_inputs_or_accepted, check_parts
 use petzval_design::made_cameras::{MadeError, TrialPlan, made_cameras, symmetric};
 use petzval_design::report::run_report::{camera_lens, read_metrics};
 use petzval_design::run::input_list::{check_pictures_are_there, pictures_of_run};
-use petzval_design::run::{
-    CameraMetrics, DigestCheck, Kept, PictureScore, RunFolder, check_accepted, load_blocks,
-};
+use petzval_design::run::{CameraMetrics, DigestCheck, Kept, PictureScore, RunFolder, load_blocks};
 use petzval_design::scoring::{Scored, Scorer, ranges_of_means};
 use petzval_design::setup::Setup;
 use petzval_design::task::Purpose;
@@ -149,8 +147,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let folder = RunFolder::open(&request.run)?;
     let kept = read_metrics(&folder)?;
     let warn = |text: &str| context.warning(WarningKind::ChangedFile, text);
-    check_accepted(&[&folder], &request.accept_changed)?;
-    let check = DigestCheck::new(&folder, &request.accept_changed, &warn);
+    let check = DigestCheck::of_request(&folder, &request.accept_changed, &warn)?;
     // The figures are computed again: what differs is shown.
     for change in check.changes("")? {
         context.warning(WarningKind::ChangedFile, format!("{}: {change}", request.run.display()));

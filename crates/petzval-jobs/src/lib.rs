@@ -86,6 +86,7 @@ pub use keys::error_in_keys;
 pub use named_inputs::{InputKind, NamedInput};
 pub use own_lens::is_lens_text;
 pub use petzval_design::library::Library;
+pub use results::NOWHERE;
 pub use settings::settings_of;
 pub use table::jobs;
 pub use threads::MOST_THREADS;

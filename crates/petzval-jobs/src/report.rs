@@ -7,7 +7,7 @@ use petzval_design::error::DesignError;
 use petzval_design::inputs::check_parts_or_accepted;
 use petzval_design::report::run_report::read_metrics;
 use petzval_design::run::picture_names::whole_name;
-use petzval_design::run::{DigestCheck, RunFolder, check_accepted, write_file};
+use petzval_design::run::{DigestCheck, RunFolder, write_file};
 use petzval_design::setup::Setup;
 use petzval_files::{encoded_png_bytes, load_image};
 use schemars::JsonSchema;
@@ -49,8 +49,7 @@ pub struct Response {
 pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let folder = RunFolder::open(&request.run)?;
     let warn = |text: &str| context.warning(WarningKind::ChangedFile, text);
-    check_accepted(&[&folder], &request.accept_changed)?;
-    let check = DigestCheck::new(&folder, &request.accept_changed, &warn);
+    let check = DigestCheck::of_request(&folder, &request.accept_changed, &warn)?;
     check_figures(&read_metrics(&folder)?, &check)?;
     warn_of_changed_config(&folder, context)?;
     let experiment = context.assets.experiment_of_run(&folder)?;

@@ -10,6 +10,10 @@ use petzval_design::error::DesignError;
 use crate::context::Context;
 use crate::error::{JobError, Result, check_length, write_file};
 
+/// A folder of results at which no file can be, for requests whose place of results must not count: in keys of units, and where a request is searched
+/// for its inputs.
+pub const NOWHERE: &str = "/dev/null/results";
+
 /// Endings of files that are read or written here, or that people would expect.
 const FILE_ENDINGS: [&str; 26] = [
     "agf",

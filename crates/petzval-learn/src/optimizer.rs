@@ -24,8 +24,22 @@ const PARTS: usize = 16;
 /// values of a weight depend on its own gradients alone, so that they have the same bits on any number of threads, and in any parts.
 pub struct Optimizer {
     parts: Vec<ModuleOptimizer>,
-    /// The part of each weight.
-    part_of: HashMap<ParamId, usize>,
+    of_weights: PartOf,
+}
+
+/// The part of each weight, by its number.
+struct PartOf(HashMap<ParamId, usize>);
+
+impl PartOf {
+    /// The part that moves a weight: the first for weights that the network had not when its optimiser was made.
+    fn get(&self, weight: ParamId) -> usize {
+        self.0.get(&weight).copied().unwrap_or(0)
+    }
+
+    /// The weights of all parts but one.
+    fn others(&self, than: usize) -> Vec<ParamId> {
+        self.0.iter().filter(|(_, part)| **part != than).map(|(weight, _)| *weight).collect()
+    }
 }
 
 impl Optimizer {
@@ -42,13 +56,13 @@ impl Optimizer {
             work[part] += cost;
             part_of.insert(weight, part);
         }
-        Self { parts: vec![own; parts], part_of }
+        Self { parts: vec![own; parts], of_weights: PartOf(part_of) }
     }
 
     /// The network after a step at a learning rate. Weights without a gradient stay.
     pub fn step<M: Module>(&mut self, rate: f64, network: M, gradients: GradientsParams) -> M {
         let own = (0..self.parts.len()).map(|_| GradientsParams::new()).collect();
-        let mut split = Split { gradients, part_of: &self.part_of, own };
+        let mut split = Split { gradients, part_of: &self.of_weights, own };
         network.visit(&mut split);
         let work: Vec<(&mut ModuleOptimizer, GradientsParams, M)> = (self.parts.iter_mut().zip(split.own))
             .map(|(part, gradients)| (part, gradients, network.clone()))
@@ -59,7 +73,7 @@ impl Optimizer {
             .collect();
         let mut weights = GradientsParams::new();
         for (part, moved) in moved.iter().enumerate() {
-            moved.visit(&mut OfPart { part, part_of: &self.part_of, weights: &mut weights });
+            moved.visit(&mut Collected { part, part_of: &self.of_weights, weights: &mut weights });
         }
         network.map(&mut Moved(weights))
     }
@@ -83,8 +97,7 @@ impl Optimizer {
             *part = part.clone().from_bytes(Bytes::from_bytes_vec(own.to_vec()))?;
             // Without parts all weights are in these bytes. A group of its own makes an optimiser forget a weight.
             if rest.is_none() {
-                let others = self.part_of.iter().filter(|(_, part)| **part != number).map(|(id, _)| *id);
-                let others = ParamGroup::from_ids(others.collect());
+                let others = ParamGroup::from_ids(self.of_weights.others(number));
                 *part = part.clone().with_group(others, MuonConfig::new().build(), None);
             }
         }
@@ -119,29 +132,28 @@ impl ModuleVisitor for Costs {
 /// Gives each part the gradients of its weights.
 struct Split<'o> {
     gradients: GradientsParams,
-    part_of: &'o HashMap<ParamId, usize>,
+    part_of: &'o PartOf,
     own: Vec<GradientsParams>,
 }
 
 impl ModuleVisitor for Split<'_> {
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
         if let Some(gradient) = self.gradients.remove::<D>(param.id) {
-            let part = self.part_of.get(&param.id).copied().unwrap_or(0);
-            self.own[part].register(param.id, gradient);
+            self.own[self.part_of.get(param.id)].register(param.id, gradient);
         }
     }
 }
 
 /// Collects the weights that a part moves.
-struct OfPart<'o> {
+struct Collected<'o> {
     part: usize,
-    part_of: &'o HashMap<ParamId, usize>,
+    part_of: &'o PartOf,
     weights: &'o mut GradientsParams,
 }
 
-impl ModuleVisitor for OfPart<'_> {
+impl ModuleVisitor for Collected<'_> {
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
-        if self.part_of.get(&param.id).copied().unwrap_or(0) == self.part {
+        if self.part_of.get(param.id) == self.part {
             self.weights.register(param.id, param.val());
         }
     }

@@ -156,6 +156,12 @@ impl<'a> DigestCheck<'a> {
         Self { run, accepted, warn, is_reported: Cell::new(false) }
     }
 
+    /// A check of the only run of a request. Refuses accepted names as [`check_accepted`] does.
+    pub fn of_request(run: &'a RunFolder, accepted: &'a [String], warn: &'a dyn Fn(&str)) -> Result<Self> {
+        check_accepted(&[run], accepted)?;
+        Ok(Self::new(run, accepted, warn))
+    }
+
     /// Reports a warning.
     pub fn warn(&self, text: &str) {
         (self.warn)(text);

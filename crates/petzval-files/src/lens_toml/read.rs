@@ -441,7 +441,9 @@ impl Reader<'_> {
                 return None;
             }
             let name = text.parameter.get_ref();
-            let (own, picked) = (number.stated(own), number.stated(picked));
+            // With twelve digits: 0.1 and 0.2 make 0.3.
+            let stated = |value: f64| format!("{:.11e}", number.stated(value)).parse().unwrap_or(value);
+            let (own, picked): (f64, f64) = (stated(own), stated(picked));
             let message = format!(
                 "{name} of surface {} is {own} in the file, and its pickup makes it {picked}: optimisations and designs begin with the pickup's, everything \
                  else has the number of the file",

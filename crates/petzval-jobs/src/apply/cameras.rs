@@ -7,7 +7,7 @@ use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Capture, Noise, NoiseMode, SensorModel};
 use petzval_design::camera::{Camera, Labels, Shot};
 use petzval_design::inputs::check_parts_or_accepted;
-use petzval_design::run::{DigestCheck, RunFolder, check_accepted};
+use petzval_design::run::{DigestCheck, RunFolder};
 use petzval_design::setup::Setup;
 use petzval_design::task::Drawn;
 use petzval_files::raw_file::{RawFrame, load_raw, sidecar_path};
@@ -163,8 +163,7 @@ impl Chosen {
         let all: Vec<String> = experiment.variants().iter().map(|variant| variant.name.clone()).collect();
         let names = chosen(run, names, &folder, &all)?;
         let warn = |text: &str| context.warning(WarningKind::ChangedFile, text);
-        check_accepted(&[&folder], accept_changed)?;
-        let check = DigestCheck::new(&folder, accept_changed, &warn);
+        let check = DigestCheck::of_request(&folder, accept_changed, &warn)?;
         check.check_cameras(names.iter().map(String::as_str))?;
         let setup = Setup::without_windows(experiment, &context.assets, context.device(device)?)?;
         check_parts_or_accepted(&setup, &folder, &check)?;

@@ -18,7 +18,7 @@ use petzval_design::path_text::path_text;
 use petzval_design::plausible::check;
 use petzval_design::run::input_list::{InputList, check_pictures_are_there};
 use petzval_design::run::{
-    BegunRun, DigestCheck, RunFolder, RunRecord, VERSION, check_accepted, extend_run, read_events, write_file,
+    BegunRun, DigestCheck, RunFolder, RunRecord, VERSION, extend_run, read_events, write_file,
 };
 use petzval_design::scalar_log::ScalarLog;
 use petzval_design::scoring::Scorer;
@@ -222,8 +222,7 @@ fn run_from(request: &Request, context: &Context) -> Result<Response> {
         Run::Resume(resume) => {
             let folder = RunFolder::open(&resume.run)?;
             let lock = folder.lock()?;
-            check_accepted(&[&folder], accepted)?;
-            DigestCheck::new(&folder, accepted, &warn).check_before_going_on()?;
+            DigestCheck::of_request(&folder, accepted, &warn)?.check_before_going_on()?;
             let (record, config) = resumed(resume, &folder, context)?;
             if record.version != VERSION {
                 let begun = &record.version;

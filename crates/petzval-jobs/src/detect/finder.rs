@@ -10,7 +10,7 @@ use petzval_design::experiment::STREET;
 use petzval_design::inputs::check_parts_or_accepted;
 use petzval_design::report::run_report::camera_lens;
 use petzval_design::run::input_list::{InputList, Pictures};
-use petzval_design::run::{DigestCheck, Kept, RunFolder, check_accepted, load_blocks};
+use petzval_design::run::{DigestCheck, Kept, RunFolder, load_blocks};
 use petzval_design::setup::Setup;
 use petzval_design::task::objects::{detector_of, untrained};
 use petzval_learn::Device;
@@ -179,8 +179,7 @@ pub fn finder(
                 return Err(JobError::setting("camera", name, message, hint));
             }
             let warn = |text: &str| context.warning(WarningKind::ChangedFile, text);
-            check_accepted(&[&folder], accepted)?;
-            let check = DigestCheck::new(&folder, accepted, &warn);
+            let check = DigestCheck::of_request(&folder, accepted, &warn)?;
             check.check_cameras([name])?;
             let taken = experiment.classes();
             let own_pictures = match experiment.data.as_str() {

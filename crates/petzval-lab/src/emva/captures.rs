@@ -105,10 +105,18 @@ pub struct Point {
     pub line: u32,
 }
 
+/// By how much two numbers for one exposure time may differ, as a share.
+const SAME_TIME: f64 = 1e-9;
+
 impl Point {
     /// Whether the frames are a stack, for the spatial non-uniformity; two frames are for the photon transfer.
     pub fn is_stack(&self) -> bool {
         self.frames.len() > 2
+    }
+
+    /// Whether both have one exposure time, but for the rounding of binary fractions.
+    pub fn has_time_of(&self, other: &Self) -> bool {
+        (self.exposure_s - other.exposure_s).abs() <= SAME_TIME * other.exposure_s
     }
 
     /// The setting in words.

@@ -21,7 +21,7 @@ const LEAST_GROWTH_DN: f64 = 0.41;
 pub fn flat_and_dark<'a>(points: &[&'a Point]) -> Option<[&'a Point; 2]> {
     let with_dark = |flat: &'a Point| {
         let darks = points.iter().copied().filter(|p| p.kind == Kind::Dark);
-        let of_time = darks.filter(|dark| dark.exposure_s == flat.exposure_s);
+        let of_time = darks.filter(|dark| dark.has_time_of(flat));
         Some([flat, of_time.max_by_key(|dark| dark.frames.len())?])
     };
     let flats = points.iter().copied().filter(|p| p.kind == Kind::Flat);

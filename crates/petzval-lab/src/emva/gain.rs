@@ -48,10 +48,7 @@ pub fn evaluate_gain(
     let tile_levels_dn = of_shortest.and_then(|stack| tile_levels_dn(stack, &captures.sensor.cfa));
 
     // Pair each flat point with the dark point of its exposure time, and leave out points without signal.
-    let dark_of = |flat: &FlaggedPoint<'_>| {
-        let time_s = flat.point.exposure_s;
-        darks.iter().find(|d| (d.point.exposure_s - time_s).abs() <= 1e-9 * time_s).copied()
-    };
+    let dark_of = |flat: &FlaggedPoint<'_>| darks.iter().find(|d| d.point.has_time_of(flat.point)).copied();
     let (mut pairs, mut flat_flags) = (Vec::new(), Vec::new());
     for flat in flats {
         let dark = dark_of(flat);

@@ -1,6 +1,7 @@
 //! From what varies to the combinations that are run: a pure function of the file.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
+use std::hash::Hash;
 
 use petzval_base::FileError;
 use petzval_base::random::{Stage, Stream};
@@ -96,7 +97,7 @@ pub fn expand(file: &SweepFile, text: &str) -> Result<Expansion, FileError> {
     if let Some((_, first)) = list.first() {
         let row = |i: usize| list.iter().map(|(_, values)| values[i].clone()).collect::<Vec<Value>>();
         let of_list: Vec<Vec<Value>> = (0..first.len()).map(row).collect();
-        if let Some(place) = twice(&of_list) {
+        if let Some(place) = twice(of_list.iter().map(|row| row.iter().map(identity).collect::<Vec<_>>())) {
             let message = "this row of the list stands twice".to_owned();
             let place = [list[0].0.place.clone(), vec![place.to_string()]].concat();
             return Err(wrong(&place, message, "give every row once; for repetitions give seeds"));
@@ -147,8 +148,26 @@ fn each_or_none<T: Clone>(all: &[T]) -> Vec<Option<T>> {
 }
 
 /// The place of the first element that equals an earlier one.
-fn twice<T: PartialEq>(all: &[T]) -> Option<usize> {
-    (1..all.len()).find(|place| all[..*place].contains(&all[*place]))
+fn twice<T: Eq + Hash>(all: impl IntoIterator<Item = T>) -> Option<usize> {
+    let mut known = HashSet::new();
+    all.into_iter().position(|one| !known.insert(one))
+}
+
+/// A text that is the same for values that make one request: a whole number and the same with a decimal point.
+fn identity(value: &Value) -> String {
+    match value {
+        Value::Number(number) => match number.as_f64() {
+            // Larger ones have no decimal point in a file, or differ by more than one.
+            Some(real) if number.is_f64() && real.fract() == 0.0 && real.abs() < 1e15 => {
+                (real as i64).to_string()
+            }
+            _ => number.to_string(),
+        },
+        Value::Array(values) => {
+            format!("[{}]", values.iter().map(|value| identity(value) + ",").collect::<String>())
+        }
+        other => other.to_string(),
+    }
 }
 
 /// The keys of a table with their lists of values, by name. Tables in it are parts of key paths.
@@ -172,7 +191,7 @@ fn lists(table: &toml::Table, name: &str, wrong: &Wrong) -> Result<Vec<(SweptKey
         let values =
             values.iter().map(|value| json(value, &key.place, wrong)).collect::<Result<Vec<_>, _>>()?;
         // Rows of a list may repeat single values.
-        if let Some(place) = twice(&values).filter(|_| name == "grid") {
+        if let Some(place) = twice(values.iter().map(identity)).filter(|_| name == "grid") {
             let at = [key.place.clone(), vec![place.to_string()]].concat();
             return Err(wrong(
                 &at,
@@ -322,7 +341,7 @@ impl Random {
     /// The draws, each different from those before it, and the number of those left out.
     fn draws(&self) -> (Vec<Vec<Value>>, usize) {
         let mut draws: Vec<Vec<Value>> = Vec::new();
-        let mut known = std::collections::HashSet::new();
+        let mut known = HashSet::new();
         for number in 0..self.n {
             let stream = Stream::new(self.seed, number as u64, Stage::Search);
             let draw: Vec<Value> = self
@@ -350,9 +369,7 @@ fn check_choice(values: &[toml::Value], place: &[String], wrong: &Wrong) -> Resu
         .enumerate()
         .map(|(i, value)| json(value, &at(i), wrong))
         .collect::<Result<_, FileError>>()?;
-    // A whole number and the same with a decimal point make one request.
-    let same = |a: &Value, b: &Value| a == b || a.as_f64().is_some_and(|a| b.as_f64() == Some(a));
-    match (1..values.len()).find(|i| values[..*i].iter().any(|earlier| same(earlier, &values[*i]))) {
+    match twice(values.iter().map(identity)) {
         Some(i) => Err(wrong(
             &at(i),
             "stands twice".to_owned(),
@@ -540,6 +557,13 @@ mod tests {
     }
 
     #[test]
+    fn whole_numbers_that_no_double_tells_apart_are_two() {
+        let text = "k = {choice = [9007199254740992, 9007199254740993]}\n";
+        assert!(expanded(&format!("[random]\nn = 3\n{text}")).is_ok());
+        assert_eq!(all("[grid]\nk = [9007199254740992, 9007199254740993]\n").len(), 2);
+    }
+
+    #[test]
     fn equal_draws_are_merged_and_counted() {
         let found = expanded("[random]\nn = 50\nk = {choice = [1, 2, 3]}\n").unwrap();
         assert_eq!((found.combinations.len(), found.merged), (3, 47));
@@ -558,6 +582,8 @@ mod tests {
             ("[grid]\na = []\n", 2, "the list is empty"),
             ("[grid]\na = 4\n", 2, "expected a list of values"),
             ("[grid]\na.b = [1, 2, 1]\n", 2, "stands twice"),
+            ("[grid]\na.b = [1, 1.0]\n", 2, "stands twice"),
+            ("[list]\na = [1, 1.0]\nb = [2, 2]\n", 2, "this row of the list stands twice"),
             ("[grid]\na = [2026-11-28]\n", 2, "neither text"),
             ("[grid]\na = [1]\n[list]\na = [2]\n", 4, "`a` varies already, in [grid]"),
             ("[grid]\na = [1]\n\"a.b\" = [1]\n", 3, "`a` varies already"),

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use petzval_jobs::{CALL_FORMAT, Context, JobError, Result, Row, row};
+use petzval_jobs::{CALL_FORMAT, Context, JobError, NOWHERE, Result, Row, row};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
@@ -22,9 +22,6 @@ pub struct Prepared {
     /// Files and folders that the request names, and those that a named experiment names.
     pub inputs: Vec<InputDigest>,
 }
-
-/// The folder of results that requests have in keys, at which no file can be.
-pub const NOWHERE: &str = "/dev/null/results";
 
 impl Prepared {
     /// Checks a unit and computes its key.

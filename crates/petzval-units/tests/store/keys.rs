@@ -237,10 +237,10 @@ fn every_job_writes_where_its_unit_says_and_takes_a_seed_if_it_has_one() {
         let row = row(&call.job).unwrap();
         let request = row.filled_in(call.request.clone()).unwrap();
         let mut before = Vec::new();
-        texts(&request, &["out", "to", "output"], &mut before);
+        texts(&request, &["out", "to", "output", "csv"], &mut before);
         let kept = row.kept_in(request.clone(), Path::new("/store/work")).unwrap();
         let mut after = Vec::new();
-        texts(&kept, &["out", "to", "output"], &mut after);
+        texts(&kept, &["out", "to", "output", "csv"], &mut after);
         // The camera of a test chart is a request in the request, whose own folder is not used.
         after.retain(|text| text != ".");
         assert!(after.iter().all(|text| text.starts_with("/store/work")), "{}: {kept}", call.job);
