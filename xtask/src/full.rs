@@ -1,5 +1,6 @@
 //! `cargo xtask full`: what continuous integration has no time for. All parts run, and the last lines say how each ended, and which could not be
-//! run because a program is missing.
+//! run because a program is missing. Words after it, such as `Python studio`, run the parts whose names hold one of them: after a mend, or where a
+//! part was ended.
 
 use std::path::Path;
 use std::process::Command;
@@ -33,10 +34,11 @@ enum Work {
     Engine(&'static engines::Part),
 }
 
-/// Runs every part. The report has a line for each; it is an error if one fails. What could not be run is said last.
-pub fn check() -> Result<String, Vec<String>> {
+/// Runs every part, or those whose names hold one of the words. The report has a line for each; it is an error if one fails, or if a word is in no
+/// name. What could not be run is said last.
+pub fn check(words: &[String]) -> Result<String, Vec<String>> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    let parts = parts(&root).map_err(|problem| vec![problem])?;
+    let parts = parts(&root).and_then(|all| chosen(all, words)).map_err(|problem| vec![problem])?;
     let (mut lines, mut not_run, mut failed) = (Vec::new(), Vec::new(), 0);
     for part in &parts {
         println!("== {}", part.name);
@@ -83,6 +85,16 @@ impl Work {
             Self::Engine(part) => engines::run(part),
         }
     }
+}
+
+/// The parts whose names hold one of the words; all without words.
+fn chosen(all: Vec<Part>, words: &[String]) -> Result<Vec<Part>, String> {
+    if let Some(unknown) = words.iter().find(|word| !all.iter().any(|part| part.name.contains(*word))) {
+        let names: Vec<&str> = all.iter().map(|part| part.name.as_str()).collect();
+        return Err(format!("{unknown}: in no name of a part; there are {}", names.join("; ")));
+    }
+    let is_chosen = |part: &Part| words.is_empty() || words.iter().any(|word| part.name.contains(word));
+    Ok(all.into_iter().filter(is_chosen).collect())
 }
 
 fn parts(root: &Path) -> Result<Vec<Part>, String> {
@@ -163,6 +175,14 @@ mod tests {
         assert!(parts.iter().any(|part| part.name.ends_with("slurm")));
         // A chore that may end without having run is no command, whose exit code says only whether it failed.
         assert!(parts.iter().any(|part| matches!(part.work, Work::DeepLens)));
+        let of_words = |words: &[&str]| {
+            let words: Vec<String> = words.iter().map(|word| (*word).to_owned()).collect();
+            chosen(super::parts(&root).unwrap(), &words)
+        };
+        let named = of_words(&["PyTorch", "slurm"]).unwrap();
+        let names: Vec<&str> = named.iter().map(|part| part.name.as_str()).collect();
+        assert_eq!(names, ["the Python package, with PyTorch", "units of work: slurm"]);
+        assert!(of_words(&["ray"]).is_ok() && of_words(&["no such part"]).is_err());
         assert!(!has("xtask") && parts.iter().any(|part| matches!(part.work, Work::Studio)));
     }
 }

@@ -43,10 +43,10 @@ fn main() -> ExitCode {
         "engines" => engines::check(&std::env::args().skip(2).collect::<Vec<_>>()),
         "devices" => devices::check(&std::env::args().skip(2).collect::<Vec<_>>()),
         "results" => results::run(&std::env::args().skip(2).collect::<Vec<_>>()),
-        "full" => full::check(),
+        "full" => full::check(&std::env::args().skip(2).collect::<Vec<_>>()),
         _ => {
             eprintln!(
-                "usage: cargo xtask layers|words|python [--torch|--deeplens]|studio [--page]|engines|devices|results [--check]|full"
+                "usage: cargo xtask layers|words|python [--torch|--deeplens]|studio [--page]|engines|devices|results [--check]|full [WORD]..."
             );
             return ExitCode::from(2);
         }
