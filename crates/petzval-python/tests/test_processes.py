@@ -26,7 +26,9 @@ def test_a_child_process_has_threads_of_its_own(method: str) -> None:
 
 def test_an_interrupt_stops_a_job() -> None:
     code = """
-import petzval, sys
+import petzval, signal
+# A shell that starts the tests in the background lets its children ignore interrupts.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 print("ready", flush=True)
 try:
     petzval.jobs.run("lens-tolerance", {"lens": "cooke-triplet-nominal", "trials": 1000000})
