@@ -39,7 +39,10 @@ except KeyboardInterrupt:
     assert child.stdout is not None and child.stdout.readline() == "ready\n"
     time.sleep(0.5)
     child.send_signal(signal.SIGINT)
-    said, _ = child.communicate(timeout=60)
+    try:
+        said, _ = child.communicate(timeout=60)
+    finally:
+        child.kill()
     assert said == "interrupted\n" and child.returncode == 0
 
 
