@@ -46,4 +46,5 @@ pub mod study;
 pub mod task;
 mod tensorboard;
 mod thread_safety;
+pub mod trained_pictures;
 pub mod validation;

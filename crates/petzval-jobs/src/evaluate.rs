@@ -18,6 +18,7 @@ use petzval_design::run::{CameraMetrics, DigestCheck, Kept, PictureScore, RunFol
 use petzval_design::scoring::{Scored, Scorer, ranges_of_means};
 use petzval_design::setup::Setup;
 use petzval_design::task::Purpose;
+use petzval_design::trained_pictures::TrainedPictures;
 use petzval_files::ToleranceFile;
 use petzval_learn::score::range_of_difference;
 use petzval_optics::lens::Lens;
@@ -47,9 +48,11 @@ petzval_base::parameters! {
         run: PathBuf = PathBuf::new();
         /// Where tensors live.
         device: String = crate::usual::device();
-        /// Photographs: those of the run where they are now, or others, all of which are scored.
+        /// Photographs: those of the run where they are now, or others, none of which is kept for training. `scoring.pictures` of the run limits
+        /// how many are scored.
         photos: Option<PathBuf> = None;
-        /// Labelled pictures: those of the run where they are now, or others, all of which are scored. A folder or a file of annotations.
+        /// Labelled pictures: those of the run where they are now, or others, none of which is kept for training. A folder or a file of annotations.
+        /// `street.held_out` of the run is the number of windows that are scored.
         data: Option<PathBuf> = None;
         /// Files or folders of the run, by their path below it, that may differ from their digests.
         accept_changed: Vec<String> = Vec::new();
@@ -103,6 +106,9 @@ pub struct Response {
     /// The other pictures; none if the held-out ones of the run were scored.
     #[serde(default)]
     pub other_pictures: Option<PathBuf>,
+    /// How many of the other pictures the run was trained on, by the content of their files: scores on them say little about others.
+    #[serde(default)]
+    pub trained_on: usize,
     /// On other pictures: scores of the last camera that is no ceiling less those of each other one.
     #[serde(default)]
     pub differences: Vec<Difference>,
@@ -172,8 +178,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         experiment.network.pin_weights(experiment.psf.kind.traced());
         experiment.psf.kind = kind;
     }
-    let (setup, are_others) =
-        setup(experiment, (&folder, &check), (place, given.as_ref()), request, context)?;
+    let (setup, others) = setup(experiment, (&folder, &check), (place, given.as_ref()), request, context)?;
     let scorer = scorer(setup)?;
     let setup = scorer.setup();
     if scorer.scores() != kept.scores {
@@ -190,7 +195,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         let tick = |done, of| context.progress(done as u64, of as u64, &row.camera);
         let Scored { metrics: found, findings, .. } = scorer.score_watched(&row.camera, &camera, &tick)?;
         let mut intervals = found.intervals.clone();
-        if are_others {
+        if others.is_some() {
             intervals.extend(ranges_of_means(&found.pictures));
             draws.push(findings.draws());
         }
@@ -202,12 +207,13 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
             ..found
         });
     }
-    if are_others {
+    if let Some(Others { trained_on }) = others {
         let [held_out_images, held_out_places] = setup.held_out_pictures()?;
         let differences = differences(&rows, &draws, &kept.scores);
         return Ok(Response {
             metrics: Metrics { rows, held_out_images, held_out_places, ..kept },
             other_pictures: place.map(Path::to_path_buf),
+            trained_on,
             differences,
             largest_difference_from_run: None,
             largest_difference_of: None,
@@ -222,6 +228,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     Ok(Response {
         metrics,
         other_pictures: None,
+        trained_on: 0,
         differences: Vec::new(),
         largest_difference_from_run: Some(largest),
         largest_difference_of: of,
@@ -257,22 +264,29 @@ fn check_given(request: &Request, experiment: &Experiment) -> Result<()> {
     Ok(())
 }
 
-/// What cameras of a run are scored with, and whether its pictures are others than those of the run.
+/// Other pictures than those of a run.
+struct Others {
+    /// How many of them the run was trained on.
+    trained_on: usize,
+}
+
+/// What cameras of a run are scored with, and what is known of its pictures if they are others than those of the run.
 fn setup(
     mut experiment: Experiment,
     (folder, check): (&RunFolder, &DigestCheck<'_>),
     (place, given): (Option<&Path>, Option<&Arc<PsfBank>>),
     request: &Request,
     context: &Context,
-) -> Result<(Setup, bool)> {
+) -> Result<(Setup, Option<Others>)> {
     let device = || context.device(&request.device);
     let Some(place) = place else {
         check_pictures_are_there(folder, &experiment, context.assets.facts_of(&experiment)?.pictures)?;
         let setup = Setup::with_psfs(experiment, &context.assets, device()?, given, Purpose::Training)?;
         check_inputs_or_accepted(&setup, folder, check)?;
-        return Ok((setup, false));
+        return Ok((setup, None));
     };
     let key = context.assets.facts_of(&experiment)?.pictures;
+    let trained = TrainedPictures::of_run(folder, &experiment, key, &context.assets)?;
     pictures_of_run(folder, &mut experiment, key, Some(place))?;
     // Pictures of the run that were moved are known by their content.
     let silent = context.assets.clone().reporting_warnings(Arc::new(|_: &str| ()));
@@ -281,7 +295,7 @@ fn setup(
     {
         context
             .note(format!("{} holds the pictures of the run: its held-out ones are scored", place.display()));
-        return Ok((setup, false));
+        return Ok((setup, None));
     }
     if request.made.is_some() {
         let key = if request.data.is_some() { "data" } else { "photos" };
@@ -295,12 +309,21 @@ fn setup(
     }
     let setup = Setup::with_psfs(experiment, &context.assets, device()?, given, Purpose::Scores)?;
     check_parts_or_accepted(&setup, folder, check)?;
-    context.note(format!(
-        "{} holds other pictures than those of the run: all of them are scored",
-        place.display()
-    ));
+    let [trained_on, count] = trained.count_in(&setup)?;
+    let place = place.display();
+    if trained_on > 0 {
+        context.warning(
+            WarningKind::DataSet,
+            format!(
+                "the run has been trained on {trained_on} of the {count} pictures of {place}: scores on them say little about others; \
+                 take them out, or leave the option away to score what the run held out"
+            ),
+        );
+    } else {
+        context.note(format!("{place} holds other pictures than those of the run, and they are scored"));
+    }
     report_pictures(&setup, context);
-    Ok((setup, true))
+    Ok((setup, Some(Others { trained_on })))
 }
 
 /// Scores of a camera in draws of windows, by name.

@@ -44,10 +44,20 @@ impl Metrics {
 
     /// What the cameras are scored on: `4 held-out photographs at 16 places each`.
     pub fn scored_on(&self) -> String {
+        self.on("held-out ")
+    }
+
+    /// The same of pictures that the run has not held out: `4 photographs at 16 places each`.
+    pub fn scored_on_others(&self) -> String {
+        self.on("")
+    }
+
+    /// What the cameras are scored on. `kind` stands before the pictures.
+    fn on(&self, kind: &str) -> String {
         if self.is_of_objects() {
-            return format!("{} of held-out scenes", counted(self.held_out_images, "window"));
+            return format!("{} of {kind}scenes", counted(self.held_out_images, "window"));
         }
-        let photographs = counted(self.held_out_images, "held-out photograph");
+        let photographs = counted(self.held_out_images, &format!("{kind}photograph"));
         let each = if self.held_out_images == 1 { "" } else { " each" };
         format!("{photographs} at {}{each}", counted(self.held_out_places, "place"))
     }
@@ -227,6 +237,7 @@ mod tests {
         );
         assert_eq!(metrics.electrons_of_white(), "16000");
         assert_eq!(metrics.scored_on(), "1 held-out photograph at 1 place");
+        assert_eq!(metrics.scored_on_others(), "1 photograph at 1 place");
         let brighter = CameraMetrics { white_e: 24_321.7, ..metrics.rows[0].clone() };
         let metrics = Metrics { rows: vec![brighter, metrics.rows[0].clone()], ..metrics };
         assert_eq!(metrics.electrons_of_white(), "16000 to 24322");

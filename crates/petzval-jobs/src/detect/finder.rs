@@ -13,6 +13,7 @@ use petzval_design::run::input_list::{InputList, Pictures};
 use petzval_design::run::{DigestCheck, Kept, RunFolder, load_blocks};
 use petzval_design::setup::Setup;
 use petzval_design::task::objects::{detector_of, untrained};
+use petzval_design::trained_pictures::TrainedPictures;
 use petzval_learn::Device;
 use petzval_learn::dataset::Classes;
 use petzval_learn::detection::{AnyDetector, BackboneKind, Detection, Detector, Zoom, Zoomed, detect_in};
@@ -98,6 +99,8 @@ pub struct OwnPictures {
     pub place: PathBuf,
     /// What the run has listed when it began.
     pub listed: Pictures,
+    /// Those on which it was trained, by their content.
+    pub trained: TrainedPictures,
 }
 
 impl Finder {
@@ -184,10 +187,12 @@ pub fn finder(
             let taken = experiment.classes();
             let own_pictures = match experiment.data.as_str() {
                 STREET => None,
-                place => InputList::read(&folder)?
-                    .and_then(|list| list.pictures)
-                    .map(|listed| OwnPictures { place: PathBuf::from(place), listed }),
+                place => InputList::read(&folder)?.and_then(|list| list.pictures).map(|listed| {
+                    let trained = TrainedPictures::listed(&listed, &folder)?;
+                    Ok::<_, DesignError>(OwnPictures { place: PathBuf::from(place), listed, trained })
+                }),
             };
+            let own_pictures = own_pictures.transpose()?;
             let mut block = untrained(&experiment, device)?;
             load_blocks(&folder.camera(name), [&mut block as _], Kept::Numbers)?;
             if let Some(variant) = experiment.variants().iter().find(|variant| variant.name == name) {

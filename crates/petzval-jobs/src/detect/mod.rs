@@ -310,7 +310,8 @@ fn of_part(looked: Vec<Looked>, part: Option<&str>, place: &Path) -> Result<Vec<
     Ok(looked)
 }
 
-/// Says how many of the pictures are those that the network has been trained on: scores on them say little about others.
+/// Says how many of the pictures are those that the network has been trained on: scores on them say little about others. Pictures at the place
+/// of the run's own are known by their names, and all by their content.
 fn warn_of_training_pictures(
     finder: &Finder,
     place: &Path,
@@ -325,10 +326,13 @@ fn warn_of_training_pictures(
     };
     let Some(own) = &finder.own_pictures else { return };
     let is_here = |own: &Path| folder(own).is_some_and(|own| Some(own) == folder(place));
-    if !is_here(&own.place) && !is_here(&own.listed.place) {
-        return;
-    }
-    let trained = count_trained_on(&own.listed.files, data, looked);
+    let named = if is_here(&own.place) || is_here(&own.listed.place) {
+        listed_for_training(&own.listed.files, data)
+    } else {
+        HashSet::new()
+    };
+    let is_trained = |l: &&Looked| named.contains(&l.image.id) || own.trained.holds(&l.file);
+    let trained = looked.iter().filter(is_trained).count();
     if trained > 0 {
         let message = format!(
             "the network of this run has been trained on {trained} of these {} pictures: scores on them say little about others; `part` takes one \
@@ -339,13 +343,12 @@ fn warn_of_training_pictures(
     }
 }
 
-/// How many of the pictures a run has listed for training or validation. The list has the names of the data set, and `looked` whole paths.
-fn count_trained_on(listed: &[PictureFile], data: &DataSet, looked: &[Looked]) -> usize {
+/// Ids of the pictures that a run has listed for training or validation, by their names in the data set.
+fn listed_for_training(listed: &[PictureFile], data: &DataSet) -> HashSet<u64> {
     let of_list = listed.iter().filter(|file| file.list != List::HeldOut).map(|file| file.name.as_str());
     let trained: HashSet<&str> = of_list.collect();
     let is_trained = |image: &&Image| trained.contains(image.file_name.as_str());
-    let ids: HashSet<u64> = data.images.iter().filter(is_trained).map(|image| image.id).collect();
-    looked.iter().filter(|l| ids.contains(&l.image.id)).count()
+    data.images.iter().filter(is_trained).map(|image| image.id).collect()
 }
 
 /// The data set with these pictures alone.
@@ -443,7 +446,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pictures_for_training_are_counted_by_the_list_of_the_run() {
+    fn pictures_for_training_are_known_by_the_list_of_the_run() {
         let image = |id: u64, name: &str| Image { id, file_name: name.to_owned(), ..Image::default() };
         let data = DataSet {
             images: vec![image(7, "img/a.png"), image(8, "img/b.png"), image(9, "img/c.png")],
@@ -458,14 +461,6 @@ mod tests {
             modified_s: None,
             sha256: None,
         });
-        // What is looked at has whole paths in place of the names of the data set.
-        let looked: Vec<Looked> = (data.images.iter())
-            .map(|image| {
-                let file = Path::new("/pictures").join(&image.file_name);
-                Looked { image: Image { file_name: file.display().to_string(), ..image.clone() }, file }
-            })
-            .collect();
-        assert_eq!(count_trained_on(&listed, &data, &looked), 2);
-        assert_eq!(count_trained_on(&listed, &data, &looked[1..2]), 0, "what is held out alone");
+        assert_eq!(listed_for_training(&listed, &data), HashSet::from([7, 9]));
     }
 }

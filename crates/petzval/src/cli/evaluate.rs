@@ -21,9 +21,9 @@ use super::terminal::{Terminal, print_response};
 
 /// Score the cameras of a finished run again: lenses by exact tracing, pictures on the held-out photographs.
 ///
-/// The last line gives the largest difference from the run's own figures. With --photos or --data the cameras are scored on all of these
-/// pictures, and every score has its 95 % range. If they are the pictures of the run itself, at another place, only its held-out ones are
-/// scored. Nothing in the run folder is changed, except with --tolerances. Then cameras are made at random from each design: their lenses
+/// The last line gives the largest difference from the run's own figures. With --photos or --data the cameras are scored on these pictures,
+/// as many as `scoring.pictures` or `street.held_out` of the run allows, and every score has its 95 % range. A warning says how many of them
+/// the run was trained on. If they are the pictures of the run itself, at another place, only its held-out ones are scored. Nothing in the run folder is changed, except with --tolerances. Then cameras are made at random from each design: their lenses
 /// deviate by their tolerances and are focused again. They are scored with the network or ISP of the design. Their figures go into
 /// tolerance.json and into the report of the run, in place of those of an earlier call.
 #[derive(Debug, clap::Args)]
@@ -99,12 +99,14 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     };
     let response = evaluate::run(&request, &terminal.context().with_cancellation(signals::end_on_signal()?))?;
     print_response(args.json, &response, || {
-        let evaluate::Response { metrics, other_pictures, differences, made, .. } = &response;
-        score_table::print(metrics);
+        let evaluate::Response { metrics, other_pictures, trained_on, differences, made, .. } = &response;
         if let Some(place) = other_pictures {
+            score_table::print_on(metrics, &metrics.scored_on_others());
             print_ranges(metrics);
             print_differences(metrics, differences);
-            outln!("other pictures than those of the run: {}", shown(place));
+            outln!("{}: {}", of_pictures(*trained_on), shown(place));
+        } else {
+            score_table::print(metrics);
         }
         if let Some(largest) = response.largest_difference_from_run {
             let of =
@@ -115,6 +117,14 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
             print_made(made);
         }
     })
+}
+
+/// What other pictures are to a run that was trained on some of them.
+fn of_pictures(trained_on: usize) -> String {
+    match trained_on {
+        0 => "other pictures than those of the run".to_owned(),
+        some => format!("pictures of which the run was trained on {some}"),
+    }
 }
 
 /// Prints the 95 % range of every score.

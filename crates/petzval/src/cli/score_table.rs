@@ -6,6 +6,11 @@ use super::number::figure;
 
 /// Prints the table at the end of a run.
 pub fn print(metrics: &Metrics) {
+    print_on(metrics, &metrics.scored_on());
+}
+
+/// Prints the table with what the cameras are scored on.
+pub fn print_on(metrics: &Metrics, scored_on: &str) {
     // A score for which there is nothing to find has no column.
     let is_there = |name: &str| metrics.rows.iter().any(|row| row.scores.contains_key(name));
     let columns: Vec<_> = (metrics.scores.iter())
@@ -48,9 +53,8 @@ pub fn print(metrics: &Metrics) {
         outln!();
     }
     outln!(
-        "{} {}; exposure {} e- of white",
+        "{} {scored_on}; exposure {} e- of white",
         if metrics.is_of_objects() { "over" } else { "means over" },
-        metrics.scored_on(),
         metrics.electrons_of_white(),
     );
 }

@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 use crate::common::*;
 use serde_json::Value;
 
-/// A folder `work` with the tiny experiment on three photographs of its own, `work/photos`.
+/// A folder `work` with the tiny experiment on three photographs of its own, `work/photos`, of which one is scored.
 fn work_with_photos(folder: &Path) -> PathBuf {
     let work = folder.join("work");
     copy_photos(&work.join("photos"), &["astronaut.png", "chelsea.png", "coffee.png"]);
     let text = tiny_experiment().replace("photos = \"built-in\"", "photos = \"photos\"");
+    let text = text.replace("[scoring]\n", "[scoring]\npictures = 1\n");
     std::fs::write(work.join("tiny.toml"), text).unwrap();
     work
 }
@@ -54,6 +55,18 @@ fn a_run_is_moved_with_its_photographs_and_its_photographs_alone() {
     assert_eq!(of_file("coffee.png", "list"), "held-out");
     assert!(of_file("chelsea.png", "modified_s").is_u64());
     assert_eq!(of_file("chelsea.png", "sha256").as_str().unwrap().len(), 64);
+
+    // Copies of its own pictures under other names, without the rest, are no held-out ones.
+    let copies = work.join("copies");
+    std::fs::create_dir(&copies).unwrap();
+    for (name, copy) in [("astronaut.png", "1.png"), ("chelsea.png", "2.png")] {
+        std::fs::copy(work.join("photos").join(name), copies.join(copy)).unwrap();
+    }
+    let said = run_ok(&work, &["evaluate", "runs/run", "--photos", "copies"]);
+    assert!(said.says("has been trained on 1 of the 1 pictures of copies"), "{}", said.stderr);
+    assert!(said.says("not scored, by `scoring.pictures`: 1 further picture"), "{}", said.stderr);
+    assert!(!said.says("held-out picture") && !said.says("all of them"), "{}", said.stderr);
+    std::fs::remove_dir_all(&copies).unwrap();
 
     // All together.
     let moved = folder.path().join("moved");
@@ -132,16 +145,24 @@ fn finished_cameras_are_scored_on_other_pictures_with_ranges() {
     assert!((difference["scores"]["psnr_db"].as_f64().unwrap() - (psnr(2) - psnr(0))).abs() < 1e-9);
     assert!(difference["ranges"]["psnr_db"][0].is_f64());
     let said = run_ok(folder.path(), &other);
-    for words in
-        ["95 % range of", "end-to-end less nominal, PSNR dB: ", "other pictures than those of the run: other"]
-    {
+    // The run was trained on a picture of the same content.
+    assert_eq!(found["trained_on"], 1);
+    for words in [
+        "95 % range of",
+        "end-to-end less nominal, PSNR dB: ",
+        "means over 3 photographs at",
+        "pictures of which the run was trained on 1: other",
+    ] {
         assert!(said.stdout.contains(words), "{words}: {}", said.stdout);
     }
-    assert!(said.says("held-out pictures (3)"), "{}", said.stderr);
+    assert!(said.says("has been trained on 1 of the 3 pictures of other"), "{}", said.stderr);
+    assert!(said.says("scored pictures (3)") && !said.says("held-out pictures"), "{}", said.stderr);
     // One photograph has no range.
     copy_photos(&folder.path().join("one"), &["china.png"]);
     let one = run_ok(folder.path(), &["evaluate", "run", "--photos", "one"]);
     assert!(one.stdout.contains("none: one photograph"), "{}", one.stdout);
+    assert!(one.stdout.contains("other pictures than those of the run: one"), "{}", one.stdout);
+    assert!(!one.says("has been trained on"), "{}", one.stderr);
     let made = ["evaluate", "run", "--photos", "other", "--tolerances", "default"];
     run_fails(folder.path(), &made, 2, &["--photos other", "other pictures than those of the run"]);
     std::fs::create_dir(folder.path().join("empty")).unwrap();

@@ -26,6 +26,7 @@ use crate::run::{RunFolder, write_file};
 pub use judge::PictureJudge;
 pub use network::Finishing;
 pub use photographs::Photographs;
+pub(crate) use photographs::built_in_photos;
 
 /// A picture for people to look at, made by a network from the developed raw frame.
 pub struct Pictures;

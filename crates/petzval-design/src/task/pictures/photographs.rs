@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use petzval_base::FileError;
+use petzval_base::{FileError, counted};
 use petzval_camera::image::LinearImage;
 use petzval_camera::sensor::{Colour, SensorModel};
 use petzval_files::load_image_bytes;
@@ -132,10 +132,12 @@ impl Photographs {
             Remark::Note(format!("{what} pictures ({}): {}{more}", names.len(), names[..shown].join(", ")))
         };
         let mut all = Vec::new();
+        // Pictures for scores alone may be any: nobody has held them out.
+        let trains = !self.set().training().is_empty();
         for (list, photos) in self.lists() {
             if list == List::HeldOut || !photos.is_empty() {
                 let names: Vec<&str> = photos.iter().map(|photo| photo.name.as_str()).collect();
-                all.push(listed(in_words(list), &names));
+                all.push(listed(if trains { in_words(list) } else { "scored" }, &names));
             }
         }
         if let Some((_, reason)) = self.skipped.first() {
@@ -152,9 +154,9 @@ impl Photographs {
             all.push(Remark::Note(text.to_owned()));
         }
         if self.not_scored > 0 {
-            let text =
-                format!("{} further held-out pictures are not used: `scoring.pictures`", self.not_scored);
-            all.push(Remark::Note(text));
+            let further =
+                counted(self.not_scored, if trains { "further held-out picture" } else { "further picture" });
+            all.push(Remark::Note(format!("not scored, by `scoring.pictures`: {further}")));
         }
         // One line for each note, with the first picture.
         let mut noted: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
@@ -276,11 +278,7 @@ fn load_photos(experiment: &Experiment, assets: &Assets, search: &PhotoSearch) -
     if experiment.photos != BUILT_IN_PHOTOS {
         return own_photos(Path::new(&experiment.photos), search);
     }
-    let list = assets.text("photograph list", "photos", "photos")?;
-    let list: PhotoList = toml::from_str(&list.text)
-        .map_err(|e| DesignError::input(&list.path)(FileError::from_toml(&list.text, &e)))?;
-    let names = |entries: &[PhotoEntry]| entries.iter().map(|e| e.file.clone()).collect::<Vec<_>>();
-    let split = PhotoSplit { training: names(&list.training), held_out: names(&list.held_out) };
+    let split = built_in_photos(assets)?;
     let mut notes = Vec::new();
     let photos = split
         .training
@@ -293,6 +291,15 @@ fn load_photos(experiment: &Experiment, assets: &Assets, search: &PhotoSearch) -
         })
         .collect::<Result<_>>()?;
     Ok(Read { set: PhotoSet::new(photos, &split)?, skipped: Vec::new(), notes })
+}
+
+/// The names of the built-in photographs, by their list.
+pub(crate) fn built_in_photos(assets: &Assets) -> Result<PhotoSplit> {
+    let list = assets.text("photograph list", "photos", "photos")?;
+    let list: PhotoList = toml::from_str(&list.text)
+        .map_err(|e| DesignError::input(&list.path)(FileError::from_toml(&list.text, &e)))?;
+    let names = |entries: &[PhotoEntry]| entries.iter().map(|e| e.file.clone()).collect::<Vec<_>>();
+    Ok(PhotoSplit { training: names(&list.training), held_out: names(&list.held_out) })
 }
 
 fn too_few_photos(place: &Path, found: usize, skipped: &[(String, DatasetError)], hint: &str) -> DesignError {
