@@ -15,7 +15,7 @@ use petzval_files::coco::{
     self, ANNOTATIONS, Bounds, Category, DataSet, Image, load_coco, save_coco, save_results,
 };
 use petzval_files::{CheckedPictures, encoded_png_bytes, load_image};
-use petzval_learn::dataset::{List, PictureFile, in_classes, taken_as};
+use petzval_learn::dataset::{List, PictureFile, in_classes, own_categories, taken_as};
 use petzval_learn::detection::{Detection, detect_in};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -69,7 +69,8 @@ pub struct Response {
     #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub unread: Vec<PathBuf>,
     /// Folder with `detections.json` (COCO results), `annotations.json` (pictures, classes, and the objects of a data set) and the drawn
-    /// pictures.
+    /// pictures. Both files have the category ids of the data set where every class takes one category of it. Else they have numbers of their
+    /// own, which fit no other file of annotations, as a note says.
     #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub out: Option<PathBuf>,
     /// How well the objects of the data set are found; none without one.
@@ -124,6 +125,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     if let (Some(place), Some(data)) = (&request.data, &labelled) {
         warn_of_training_pictures(&finder, place, data, &looked, context);
     }
+    // Those of all its parts: a part has the same ids.
+    let own =
+        labelled.as_ref().zip(finder.taken.as_ref()).and_then(|(data, taken)| own_categories(data, taken));
     let labelled = labelled.map(|data| only(data, &looked));
     let whole = labelled.as_ref().and_then(DataSet::unclipped);
     let labelled = labelled.map(|data| in_classes_of(&finder, data, context)).transpose()?;
@@ -173,6 +177,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         ..Scores::of(data, &results)
     });
     if let Some(out) = request.out.as_ref().filter(|_| !pictures.is_empty()) {
+        // Weights know classes by their numbers, which are those of a data set in which they look.
+        let has_own_ids = own.is_some() || labelled.is_some() && finder.taken.is_none();
         let mut data = labelled.unwrap_or_else(|| DataSet {
             categories: (finder.classes.into_iter().enumerate())
                 .map(|(i, name)| Category { id: i as u64 + 1, name, ..Category::default() })
@@ -182,7 +188,16 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         data.images = images;
         let seen: HashSet<u64> = data.images.iter().map(|image| image.id).collect();
         data.annotations.retain(|object| seen.contains(&object.image_id));
+        if let Some(own) = own {
+            take_ids(own, &mut data, &mut results);
+        }
         let files = ["detections.json", ANNOTATIONS].map(|name| out.join(name));
+        if !has_own_ids {
+            context.note(format!(
+                "ids of categories in {} are those of {ANNOTATIONS} beside it, and of no other data set",
+                files[0].display()
+            ));
+        }
         save_results(&results, &data, &files[0])?;
         save_coco(&data, &files[1])?;
         context.wrote(&files[0], "detections");
@@ -211,6 +226,14 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         ));
     }
     Ok(Response { pictures, unread, out: request.out.clone(), scores })
+}
+
+/// Gives objects and detections the ids of other categories: class `c`, which has the number `c + 1`, is of `categories[c]`.
+fn take_ids(categories: Vec<Category>, data: &mut DataSet, results: &mut [coco::Detection]) {
+    let id = |class: u64| categories.get(class as usize - 1).map_or(class, |category| category.id);
+    data.annotations.iter_mut().for_each(|object| object.category_id = id(object.category_id));
+    results.iter_mut().for_each(|found| found.category_id = id(found.category_id));
+    data.categories = categories;
 }
 
 /// The pictures of a folder that are named as drawn ones are: `0001-street.png`.

@@ -145,8 +145,12 @@ impl Classes {
 
     /// What an annotation of a category is: of the first class that takes the category by its number, or by its name.
     fn of_annotation(&self, category: &Category, annotation: &Annotation) -> Named {
+        self.of_category(category, annotation.attributes.get("state").and_then(Attribute::text))
+    }
+
+    /// What an object of a category is. `attribute` is the state that its annotation gives to a traffic light.
+    fn of_category(&self, category: &Category, attribute: Option<&str>) -> Named {
         let name = Name::of(&category.name);
-        let attribute = annotation.attributes.get("state").and_then(Attribute::text);
         let state = attribute.and_then(light_state).or_else(|| light_state(&name.in_words()));
         let mut named = Named::Other;
         for (number, class) in self.iter().enumerate() {
@@ -330,6 +334,39 @@ pub fn in_classes(data: &DataSet, classes: &Classes) -> DataSet {
     DataSet { images: data.images.clone(), categories, annotations, ..DataSet::default() }
 }
 
+/// The classes as categories with the ids of a data set: each class has the id of the one category of whose boxes it is. A class without boxes
+/// has the id of the one category that its name fits, else a number that the data set does not use. None where a class takes boxes of several
+/// categories, where classes share a category, or where a class would need an id beside ids that are texts.
+pub fn own_categories(data: &DataSet, classes: &Classes) -> Option<Vec<Category>> {
+    let (mut boxed, mut named) = (vec![BTreeSet::new(); classes.len()], vec![BTreeSet::new(); classes.len()]);
+    for annotation in &data.annotations {
+        let Some(category) = data.category(annotation.category_id) else { continue };
+        if let Named::Class(number) = classes.of_annotation(category, annotation) {
+            boxed[number].insert(category.id);
+        }
+    }
+    for category in &data.categories {
+        if let Named::Class(number) = classes.of_category(category, None) {
+            named[number].insert(category.id);
+        }
+    }
+    let mut used: BTreeSet<u64> = data.categories.iter().map(|category| category.id).collect();
+    let has_texts = data.categories.iter().any(|category| category.text_id.is_some());
+    let mut own: Vec<Category> = Vec::new();
+    for ((class, boxed), named) in classes.iter().zip(boxed).zip(named) {
+        let taken = if boxed.is_empty() && named.len() == 1 { named } else { boxed };
+        let (id, text_id) = match Vec::from_iter(taken)[..] {
+            [id] => (id, data.category(id)?.text_id.clone()),
+            [] if !has_texts => ((1..).find(|id| !used.contains(id))?, None),
+            _ => return None,
+        };
+        used.insert(id);
+        own.push(Category { id, text_id, name: class.name.clone(), ..Category::default() });
+    }
+    let ids: BTreeSet<u64> = own.iter().map(|category| category.id).collect();
+    (ids.len() == own.len()).then_some(own)
+}
+
 #[cfg(test)]
 mod tests {
     use petzval_files::coco::{Bounds, Image};
@@ -471,6 +508,43 @@ mod tests {
         for kind in [ObjectKind::TrafficLight, ObjectKind::TurnedLight] {
             assert_eq!(classes.of_street(kind, None), Some(2));
         }
+    }
+
+    #[test]
+    fn classes_have_the_ids_of_a_data_set_where_each_is_of_one_category() {
+        let own = |categories: &[(u64, &str)], boxes: &[u64]| {
+            let category = |(id, name): &(u64, &str)| Category {
+                id: *id,
+                name: (*name).to_owned(),
+                ..Category::default()
+            };
+            let data = DataSet {
+                categories: categories.iter().map(category).collect(),
+                annotations: boxes.iter().map(|id| Annotation { category_id: *id, ..annotation() }).collect(),
+                ..DataSet::default()
+            };
+            let own = own_categories(&data, &people_and_vehicles())?;
+            Some(own.into_iter().map(|category| (category.id, category.name)).collect::<Vec<_>>())
+        };
+        let expected =
+            |ids: [u64; 2]| Some(vec![(ids[0], "pedestrian".to_owned()), (ids[1], "vehicle".to_owned())]);
+        assert_eq!(own(&[(3, "car"), (7, "person")], &[7, 3, 3]), expected([7, 3]));
+        // A class without boxes: by its one name, or with a number of its own.
+        assert_eq!(own(&[(3, "car"), (7, "person")], &[3]), expected([7, 3]));
+        assert_eq!(own(&[(1, "car"), (2, "tree")], &[1]), expected([3, 1]));
+        // Where no id says which category was found, there is none.
+        assert_eq!(own(&[(3, "car"), (4, "bus"), (7, "person")], &[3, 4, 7]), None);
+        assert_eq!(own(&[(3, "car"), (4, "bus"), (7, "person")], &[3, 7]), expected([7, 3]));
+        // All states of lights may be of one category.
+        let of_states: Vec<Annotation> = ["red", "green"]
+            .map(|state| Annotation {
+                attributes: BTreeMap::from([("state".to_owned(), Attribute::Text(state.to_owned()))]),
+                ..annotation()
+            })
+            .into();
+        let category = Category { id: 1, name: "traffic light".to_owned(), ..Category::default() };
+        let data = DataSet { categories: vec![category], annotations: of_states, ..DataSet::default() };
+        assert_eq!(own_categories(&data, &traffic_lights()), None);
     }
 
     #[test]

@@ -61,7 +61,8 @@ pub struct Args {
     /// keeps
     #[arg(long, default_value_t = Request::default().least_score, value_name = "SCORE")]
     least_score: f32,
-    /// Folder for detections.json (COCO results), annotations.json (pictures, classes, and objects of --data) and pictures with boxes
+    /// Folder for detections.json (COCO results, for annotations.json beside it, and for --data where every class takes one category of it),
+    /// annotations.json (pictures, classes, and objects of --data) and pictures with boxes
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Believe this file or folder of the run though it does not agree with its digest; may be repeated

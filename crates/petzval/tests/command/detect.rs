@@ -292,7 +292,7 @@ fn a_folder_with_boxes_takes_the_place_of_the_streets() {
     // Two of the ten are held out.
     let seen = run_ok(root, &["detect", "--data", "in", "--run", "run"]);
     assert!(seen.says("has been trained on 8 of these 10 pictures"), "{}", seen.stderr);
-    // Its camera on other labelled pictures: all of them are held out, and scores have ranges.
+    // Its camera on pictures with other labels: scores have ranges.
     std::fs::create_dir(root.join("other")).unwrap();
     write_lights(&root.join("other"));
     let other = read(&root.join("other/annotations.json"));
@@ -305,8 +305,33 @@ fn a_folder_with_boxes_takes_the_place_of_the_streets() {
     assert!(said.says("3 windows of 10 pictures in scores"), "{}", said.stderr);
     let found = said.json();
     assert_eq!(found["other_pictures"], "other/annotations.json");
+    // The files are those on which it was trained.
+    assert!(said.says("has been trained on 8 of the 10 pictures of other"), "{}", said.stderr);
+    assert_eq!(found["trained_on"], 8);
+    let seen = run_ok(root, &["detect", "--data", "other", "--run", "run"]);
+    assert!(seen.says("has been trained on 8 of these 10 pictures"), "{}", seen.stderr);
     let row = &found["metrics"]["rows"][0];
     assert!(row["ap50"].is_f64() && row["intervals"]["ap50"][0].is_f64(), "{row}");
+    // What it finds has the ids of the data set, whose annotations other programs compare it with.
+    let text = read(&root.join("other/annotations.json"));
+    let text = text.replace(r#""category_id": 1"#, r#""category_id": 7"#).replace(
+        r#"[{"id": 1, "name": "light red"}, {"id": 2, "#,
+        r#"[{"id": 7, "name": "light red"}, {"id": 3, "#,
+    );
+    let text = text.replace(r#""category_id": 2"#, r#""category_id": 3"#);
+    std::fs::write(root.join("other/annotations.json"), text).unwrap();
+    let args = ["detect", "--data", "other", "--run", "run", "--out", "ids"];
+    assert!(!run_ok(root, &args).says("and of no other data set"));
+    let written = read_json(&root.join("ids/annotations.json"));
+    let categories = written["categories"].as_array().unwrap();
+    let named: Vec<_> =
+        categories.iter().map(|c| (c["name"].as_str().unwrap(), c["id"].as_u64().unwrap())).collect();
+    assert_eq!(named, [("red", 7), ("yellow", 1), ("green", 3), ("off", 2)]);
+    let ids = |records: &serde_json::Value| -> std::collections::BTreeSet<u64> {
+        records.as_array().unwrap().iter().map(|record| record["category_id"].as_u64().unwrap()).collect()
+    };
+    assert_eq!(ids(&written["annotations"]), [3, 7].into());
+    assert!(ids(&read_json(&root.join("ids/detections.json"))).is_subset(&[1, 2, 3, 7].into()));
     // The same pictures elsewhere are those of the run.
     copy_folder(&root.join("in"), &root.join("moved"));
     let moved = run_ok(root, &["evaluate", "run", "--data", "moved"]);
