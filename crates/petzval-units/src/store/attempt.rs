@@ -228,6 +228,7 @@ impl Attempt {
         let (store, key) = (self.store.clone(), self.key().clone());
         let own = self.folder();
         let has_files = store.layer.list(&own).is_ok_and(|names| !names.is_empty());
+        let path = store.result_file(&key);
         let result = StoredResult {
             format: STORE_FORMAT,
             unit: self.prepared.unit.clone(),
@@ -237,8 +238,9 @@ impl Attempt {
             response,
             files: has_files.then(|| own.file_name().map(PathBuf::from)).flatten(),
             cost: self.cost(),
+            sha256: None,
         };
-        let path = store.result_file(&key);
+        let result = result.with_digest().map_err(|e| StoreError::wrong(&path, e.to_string(), ""))?;
         let text = to_json(&result, &path)?;
         let published = store.layer.publish(&path, text.as_bytes()).map_err(StoreError::io(&path));
         if published.is_err() {

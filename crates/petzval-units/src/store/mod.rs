@@ -11,7 +11,7 @@
 //! | `work-0001/` | its files: the checkpoint, and in the end the results |
 //! | `error.json` | why the last failed attempt failed |
 //! | `files/` | the results of the attempt that finished |
-//! | `result.json` | the result; written last, exclusively |
+//! | `result.json` | the result with a digest of its content; written last, exclusively |
 //!
 //! Attempts are numbered. Whoever makes the claim of the next number has the unit, so that no claim is ever removed and no two processes take
 //! over the same one. A claim is stale if its process is known to be gone, or if it has not changed for [`STALE_AFTER`] by the clock of the
@@ -147,7 +147,7 @@ impl Store {
         Ok(record.map(|record| record.unit))
     }
 
-    /// The result of a unit; none if it has none yet.
+    /// The result of a unit; none if it has none yet. Fails if it was edited, or is that of another unit.
     pub fn result(&self, key: &Key) -> Result<Option<StoredResult>, StoreError> {
         let path = self.result_file(key);
         match self.read_if_there::<StoredResult>(&path)? {
@@ -160,6 +160,11 @@ impl Store {
                     message,
                     "run the unit again with --retry, which sets its folder aside",
                 ))
+            }
+            Some(edited) if !edited.is_as_written() => {
+                let message = "this is not what the unit wrote: its content does not agree with its `sha256`";
+                let hint = "put it back from a copy, or run the unit again with --retry, which sets its folder aside";
+                Err(StoreError::wrong(&path, message, hint))
             }
             result => Ok(result),
         }

@@ -2,13 +2,14 @@
 
 use std::path::PathBuf;
 
+use petzval_design::run::{Holder, hex};
 use petzval_jobs::ErrorReport;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use sha2::{Digest, Sha256};
 
 use crate::unit::{InputDigest, Key, Unit};
-use petzval_design::run::Holder;
 
 /// The version of a store that this program writes and reads.
 pub const STORE_FORMAT: u32 = 1;
@@ -129,4 +130,25 @@ pub struct StoredResult {
     pub files: Option<PathBuf>,
     /// What it cost.
     pub cost: Cost,
+    /// SHA-256 of all the rest as JSON with sorted keys, hexadecimal: an edited result is not believed. None in a result of an earlier build, which
+    /// is read as it is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sha256: Option<String>,
+}
+
+impl StoredResult {
+    /// The same with its digest. Fails if it cannot be JSON.
+    pub(super) fn with_digest(self) -> serde_json::Result<Self> {
+        Ok(Self { sha256: Some(self.digest()?), ..self })
+    }
+
+    /// Whether it agrees with its digest, or has none.
+    pub(super) fn is_as_written(&self) -> bool {
+        self.sha256.as_ref().is_none_or(|written| self.digest().is_ok_and(|digest| digest == *written))
+    }
+
+    fn digest(&self) -> serde_json::Result<String> {
+        let rest = serde_json::to_value(Self { sha256: None, ..self.clone() })?;
+        Ok(hex(Sha256::new_with_prefix(rest.to_string())))
+    }
 }

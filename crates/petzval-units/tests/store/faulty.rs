@@ -143,7 +143,17 @@ fn a_damaged_result_and_that_of_another_unit_are_refused_until_they_are_set_asid
     let Outcome::Done(second) = run(&other).unwrap() else { panic!() };
     let place = store.folder(&first.key).join("result.json");
     let of_other = std::fs::read_to_string(store.folder(&second.key).join("result.json")).unwrap();
-    for (text, says) in [(of_other.as_str(), "the result of another unit, \"other\""), ("{", "EOF")] {
+    let own = std::fs::read_to_string(&place).unwrap();
+    // Another digit of the response: still a result by its form.
+    let response = own.find("\"response\"").unwrap();
+    let digit = response + own[response..].find(|c: char| c.is_ascii_digit()).unwrap();
+    let other_digit = if &own[digit..=digit] == "1" { "2" } else { "1" };
+    let edited = format!("{}{other_digit}{}", &own[..digit], &own[digit + 1..]);
+    for (text, says) in [
+        (of_other.as_str(), "the result of another unit, \"other\""),
+        (edited.as_str(), "not what the unit wrote"),
+        ("{", "EOF"),
+    ] {
         std::fs::write(&place, text).unwrap();
         let Outcome::Damaged(error) = run(&one).unwrap() else { panic!() };
         assert!(error.message.contains(says), "{error:?}");
@@ -153,6 +163,12 @@ fn a_damaged_result_and_that_of_another_unit_are_refused_until_they_are_set_asid
             "{error:?}"
         );
     }
+    // One of an earlier build has no digest, and is read as it is.
+    let mut earlier: serde_json::Value = serde_json::from_str(&edited).unwrap();
+    assert!(earlier.as_object_mut().unwrap().remove("sha256").is_some());
+    std::fs::write(&place, earlier.to_string()).unwrap();
+    assert!(matches!(run(&one).unwrap(), Outcome::There(_)));
+    std::fs::write(&place, "{").unwrap();
     // The others go on.
     let third = trivial("third", 3.0);
     let summary = run_all(&[&one, &third, &other], || Ok(store.clone()), &context(), options).unwrap();
