@@ -26,7 +26,7 @@ pub struct Call {
     /// Name of the job; `petzval jobs` lists them.
     pub job: String,
     /// Its request; `petzval schema job NAME` prints the schema.
-    #[serde(default = "nothing")]
+    #[serde(default = "nothing", deserialize_with = "crate::distinct_keys::deserialize")]
     pub request: Value,
     /// Glass catalogues whose glasses take precedence over the built-in ones, by path.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -78,8 +78,9 @@ impl Call {
         })
     }
 
-    /// Reads a call. The error names the line and the key.
+    /// Reads a call; a byte order mark is skipped. Fails on a key that is there twice. The error names the line and the key.
     pub fn parse(text: &str) -> Result<Self> {
+        let text = text.trim_start_matches('\u{feff}');
         let hint =
             "a call is {\"format\": 1, \"job\": NAME, \"request\": {...}}; `petzval jobs` lists the names";
         let refused = |error: serde_json::Error| JobError::input(format!("call: {error}"), hint);
@@ -160,4 +161,22 @@ pub fn row(name: &str) -> Result<&'static Row> {
         };
         JobError::input(format!("call: there is no job `{name}`"), hint)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_call_with_a_byte_order_mark_is_read_and_one_with_a_key_twice_is_refused() {
+        let text = r#"{"format": 1, "job": "lens-list", "request": {"a": {"b": 1}}}"#;
+        assert_eq!(Call::parse(&format!("\u{feff}{text}")).unwrap(), Call::parse(text).unwrap());
+        for (once, twice, key) in [
+            (r#""b": 1"#, r#""b": 1, "b": 2"#, "call: duplicate key `b` at line 1"),
+            (r#""job""#, r#""job": "lens-show", "job""#, "duplicate field `job`"),
+        ] {
+            let error = Call::parse(&text.replace(once, twice)).unwrap_err().to_string();
+            assert!(error.contains(key), "{error}");
+        }
+    }
 }

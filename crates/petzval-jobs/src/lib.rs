@@ -23,6 +23,7 @@ pub mod design_stop;
 pub mod detect;
 mod device;
 mod device_check;
+mod distinct_keys;
 pub mod doctor;
 mod error;
 pub mod evaluate;

@@ -30,11 +30,11 @@ impl UnitFile {
         Self::parse(&text).map_err(|error| JobError::File { path: path.to_owned(), error: Box::new(error) })
     }
 
-    /// Reads the text of a file. Empty lines are skipped.
+    /// Reads the text of a file. Empty lines and a byte order mark are skipped.
     pub fn parse(text: &str) -> Result<Self, UnitFileError> {
         let mut units: Vec<Unit> = Vec::new();
         let mut lines = HashMap::new();
-        for (number, line) in (1..).zip(text.lines()) {
+        for (number, line) in (1..).zip(text.trim_start_matches('\u{feff}').lines()) {
             if line.trim().is_empty() {
                 continue;
             }

@@ -200,10 +200,12 @@ fn a_file_of_units_names_the_line_and_the_key_that_is_wrong() {
     let file = UnitFile::parse(&format!("{line}\n\n{}\n", line.replace("\"a\"", "\"b\""))).unwrap();
     assert_eq!(file.units.iter().map(|unit| unit.name.as_str()).collect::<Vec<_>>(), ["a", "b"]);
     assert_eq!(UnitFile::parse(&file.text().unwrap()).unwrap(), file);
+    assert_eq!(UnitFile::parse(&format!("\u{feff}{}", file.text().unwrap())).unwrap(), file);
     for (second, says) in [
         (line.to_owned(), "\"a\" is the name of the unit in line 1 as well"),
         (line.replace("\"job\"", "\"jobs\""), "`call.jobs`: no such key here"),
         (line.replace("\"a\"", "\"\""), "a name has 1 to"),
+        (line.replace("}}", ", \"request\": {\"x\": 1, \"x\": 2}}}"), "duplicate key `x`"),
         (line.replace("}}", "}"), "EOF"),
         (format!("{line} {line}"), "trailing"),
     ] {
