@@ -1,6 +1,7 @@
 //! All runs below a folder in one table, and all units of the stores there.
 
-use std::fs;
+use std::collections::HashSet;
+use std::fs::{self, FileType};
 use std::path::{Path, PathBuf};
 
 pub use petzval_design::run_row::{RunRow, RunState, is_run};
@@ -50,7 +51,7 @@ pub struct UnitRow {
 }
 
 /// Every run and every unit of a store in a folder and below it; a folder that is a run itself is the only row. A damaged run or unit
-/// has a row with the reason. Links are not followed.
+/// has a row with the reason. Links to folders are followed one level.
 pub fn runs_in(folder: &Path, context: &Context) -> Result<Runs> {
     if !folder.is_dir() {
         let what = if folder.exists() { "is no folder" } else { "there is no such folder" };
@@ -59,12 +60,9 @@ pub fn runs_in(folder: &Path, context: &Context) -> Result<Runs> {
             "give a folder with runs, such as runs",
         ));
     }
-    let (mut found, mut stores) = (Vec::new(), Vec::new());
-    collect(folder, 0, &mut found, &mut stores, context)?;
-    found.sort();
-    stores.sort();
-    let mut rows = Vec::with_capacity(found.len());
-    for path in found {
+    let Found { runs, stores, .. } = Found::below(folder, context)?;
+    let mut rows = Vec::with_capacity(runs.len());
+    for path in runs {
         context.check(|| format!("stopped after {} runs", rows.len()))?;
         rows.push(run_row(&path, &context.assets));
     }
@@ -83,32 +81,61 @@ pub fn runs_in(folder: &Path, context: &Context) -> Result<Runs> {
     Ok(Runs { runs: rows, units })
 }
 
-/// Adds the runs and the stores in a folder and below it. A folder that cannot be read holds none.
-fn collect(
-    folder: &Path,
-    depth: usize,
-    found: &mut Vec<PathBuf>,
-    stores: &mut Vec<PathBuf>,
-    context: &Context,
-) -> Result<()> {
-    if is_run(folder) {
-        found.push(folder.to_path_buf());
-        return Ok(());
-    }
-    if folder.join(STORE).is_file() {
-        stores.push(folder.to_path_buf());
-        return Ok(());
-    }
-    context.check(|| "stopped while looking for runs")?;
-    if depth == DEEPEST {
-        return Ok(());
-    }
-    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
-        if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
-            collect(&entry.path(), depth + 1, found, stores, context)?;
+/// Runs, stores and links to folders that a search has met.
+#[derive(Default)]
+struct Found {
+    runs: Vec<PathBuf>,
+    stores: Vec<PathBuf>,
+    links: Vec<PathBuf>,
+}
+
+impl Found {
+    /// Those in a folder and below it, sorted. A link leads to its folder and to those in it. Links behind a link are not followed, so that none
+    /// leads in a circle. What a link and a path without links lead to is found once, by the latter.
+    fn below(folder: &Path, context: &Context) -> Result<Self> {
+        let mut found = Self::default();
+        found.look_in(folder, 0, context)?;
+        let mut known: HashSet<PathBuf> =
+            found.runs.iter().chain(&found.stores).filter_map(|path| path.canonicalize().ok()).collect();
+        found.links.sort();
+        for link in std::mem::take(&mut found.links) {
+            let mut behind = Self::default();
+            behind.look_in(&link, DEEPEST - 1, context)?;
+            let mut is_new = |path: &PathBuf| path.canonicalize().is_ok_and(|path| known.insert(path));
+            behind.runs.retain(&mut is_new);
+            behind.stores.retain(&mut is_new);
+            found.runs.extend(behind.runs);
+            found.stores.extend(behind.stores);
         }
+        found.runs.sort();
+        found.stores.sort();
+        Ok(found)
     }
-    Ok(())
+
+    /// Adds what is in a folder and below it. A folder that cannot be read holds nothing.
+    fn look_in(&mut self, folder: &Path, depth: usize, context: &Context) -> Result<()> {
+        if is_run(folder) {
+            self.runs.push(folder.to_path_buf());
+            return Ok(());
+        }
+        if folder.join(STORE).is_file() {
+            self.stores.push(folder.to_path_buf());
+            return Ok(());
+        }
+        context.check(|| "stopped while looking for runs")?;
+        if depth == DEEPEST {
+            return Ok(());
+        }
+        for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+            let (path, kind) = (entry.path(), entry.file_type());
+            if kind.as_ref().is_ok_and(FileType::is_dir) {
+                self.look_in(&path, depth + 1, context)?;
+            } else if kind.is_ok_and(|kind| kind.is_symlink()) && path.is_dir() {
+                self.links.push(path);
+            }
+        }
+        Ok(())
+    }
 }
 
 /// The units of a store that were ever begun. A store of another version is a row.
@@ -174,4 +201,42 @@ fn newest_work(folder: &Path) -> Option<PathBuf> {
         path.is_dir() && path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("work-"))
     };
     entries.filter(is_work).max()
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::os::unix::fs::symlink;
+    use std::sync::Arc;
+
+    use petzval_jobs::{Silent, built_in_assets};
+
+    use super::*;
+
+    #[test]
+    fn links_are_followed_one_level_and_never_in_circles() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        for run in ["elsewhere/one", "elsewhere/deep/two/three", "runs/own", "fourth"] {
+            fs::create_dir_all(at(run)).unwrap();
+            for file in ["config.toml", "run.json"] {
+                fs::write(at(run).join(file), "").unwrap();
+            }
+        }
+        for (target, link) in [
+            (at("fourth"), "runs/alone"),
+            (at("elsewhere"), "runs/all"),
+            // The same runs again, the folder itself, and nothing.
+            (at("runs/own"), "runs/latest"),
+            (at("elsewhere/one"), "runs/one-again"),
+            (at("runs"), "runs/circle"),
+            (at("runs"), "elsewhere/circle"),
+            (at("gone"), "runs/broken"),
+        ] {
+            symlink(target, at(link)).unwrap();
+        }
+        let context = Context::new(built_in_assets(), Arc::new(Silent));
+        let found = Found::below(&at("runs"), &context).unwrap();
+        assert_eq!(found.runs, ["runs/all/one", "runs/alone", "runs/own"].map(at));
+        assert!(found.stores.is_empty() && found.links.is_empty());
+    }
 }

@@ -18,7 +18,7 @@ use super::text_table::TextTable;
 /// last finished camera that is no ceiling. Runs are compared with those of the same title.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Folder with runs, at any depth
+    /// Folder with runs, at any depth; links to folders are followed one level
     #[arg(default_value = USUAL_FOLDER)]
     dir: PathBuf,
     /// Print the table again whenever it changes, until a signal ends it
