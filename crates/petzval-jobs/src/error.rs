@@ -210,6 +210,16 @@ impl JobError {
         }
     }
 
+    /// An error of a run that has begun, which goes on from its last checkpoint once a full disk has room again.
+    pub(crate) fn of_run(error: DesignError) -> Self {
+        if is_full_disk(&error) {
+            return Self::failed(format!(
+                "{error}; make room: the run goes on from its last checkpoint with --resume"
+            ));
+        }
+        error.into()
+    }
+
     /// Who has to change something.
     pub fn fault(&self) -> Fault {
         match self {
@@ -294,19 +304,21 @@ impl From<DesignError> for JobError {
             {
                 Self::input(error.to_string(), "")
             }
-            DesignError::Io { error: ref why, .. }
-                if matches!(
-                    why.kind(),
-                    ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge
-                ) =>
-            {
-                Self::failed(format!(
-                    "{error}; make room: a run goes on from its last checkpoint with --resume"
-                ))
-            }
+            _ if is_full_disk(&error) => Self::failed(format!("{error}; make room and try again")),
             _ if error.is_input() => Self::input(error.to_string(), ""),
             _ => Self::failed(error.to_string()),
         }
+    }
+}
+
+/// Whether a file could not be written because there is no room for it. What is far too large to be read is no such file, and has no number of
+/// the system.
+fn is_full_disk(error: &DesignError) -> bool {
+    let DesignError::Io { error, .. } = error else { return false };
+    match error.kind() {
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => true,
+        ErrorKind::FileTooLarge => error.raw_os_error().is_some(),
+        _ => false,
     }
 }
 
@@ -394,6 +406,19 @@ mod tests {
     use serde_json::json;
 
     use super::*;
+
+    #[test]
+    fn a_full_disk_names_resume_where_a_run_can_go_on() {
+        let full = || DesignError::io(Path::new("a.png"))(std::io::Error::from(ErrorKind::StorageFull));
+        let of_any_verb = JobError::from(full()).to_string();
+        assert!(
+            of_any_verb.contains("a.png") && of_any_verb.ends_with("; make room and try again"),
+            "{of_any_verb}"
+        );
+        let of_run = JobError::of_run(full()).to_string();
+        assert!(of_run.ends_with("the run goes on from its last checkpoint with --resume"), "{of_run}");
+        assert_eq!([JobError::from(full()), JobError::of_run(full())].map(|e| e.fault()), [Fault::Job; 2]);
+    }
 
     #[test]
     fn an_error_is_a_value_with_kind_message_place_and_hint() {

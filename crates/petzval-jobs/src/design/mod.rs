@@ -286,7 +286,7 @@ fn run_from(request: &Request, context: &Context) -> Result<Response> {
     let log = folder.events();
     let events = if log.is_file() { read_events(&log)? } else { Vec::new() };
     let mut watch = Watch::new(context, scores, psf, events, curves);
-    match design.run(&mut watch)? {
+    match design.run(&mut watch).map_err(JobError::of_run)? {
         Ending::Stopped(step) => Err(stopped(format!("stopped at step {step}"), folder.root(), request)),
         Ending::Finished(metrics) => {
             let (report, sentences) = crate::run_page::write(&setup, &folder, context)?;
