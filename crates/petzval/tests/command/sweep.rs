@@ -202,7 +202,7 @@ fn a_sweep_of_a_job_is_run_here_gathered_and_a_failed_unit_run_again() {
     let status = run_ok(folder.path(), &["sweep", "status", "sweeps/t", "--json"]).json();
     assert_eq!((&status["units"][1]["state"], &status["units"][1]["attempt"]), (&"failed".into(), &2.into()));
     let page = run_ok(folder.path(), &["sweep", "gather", "sweeps/t"]).stdout;
-    assert!(page.contains("1 done, 1 failed"), "{page}");
+    assert!(page.contains("1 of 2 units: 1 done, 1 failed\n") && page.contains("\nfield=400.0: "), "{page}");
     let html = read(&folder.path().join("sweeps/t/sweep.html"));
     assert!(
         html.contains("Failed units") && html.contains("--retry &#39;field=400.0&#39;")

@@ -14,11 +14,12 @@ use super::super::failure::Failure;
 use super::super::plain::{self, shown};
 use super::super::terminal::{Terminal, print_response};
 use super::super::text_table::TextTable;
+use super::status::{counts, errors};
 
 /// Gather the results of a sweep: a table in which the keys that vary are columns, with mean, standard deviation over the seeds, and range.
 ///
 /// It is written as table.csv, the single units as units.csv, and sweep.html shows the table, the same picture by every unit, and one scatter
-/// plot. A sweep that still runs is gathered as far as it has come; units that failed are listed with their errors.
+/// plot. A sweep that still runs is gathered as far as it has come; units that failed or are damaged are listed with their errors.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Folder of the store
@@ -61,7 +62,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<Code, Failure> {
     let files = keep_results(&gathered, &view(&gathered, &choice, &again)?, folder, keeps)?;
     print_response(args.json, &gathered, || {
         out!("{}", table(&gathered));
-        outln!("{}", gathered.status.in_words());
+        out!("{}{}", errors(&gathered.status), counts(&gathered.status));
         if kept.job == TOLERANCES && kept.keys.iter().any(|key| key == PART) {
             let units = pasted(&units_file(&args.dir));
             outln!("join the parts: petzval unit gather {units} --store {}", pasted(&args.dir));

@@ -65,17 +65,27 @@ pub fn run(args: &Args) -> Result<Code, Failure> {
 fn in_words(now: &SweepStatus, all: bool) -> String {
     let mut table = TextTable::new(["unit", "state", "attempt", "time", "by"]);
     let is_shown = |unit: &&UnitStatus| all || !matches!(unit.state, State::Done | State::Waiting);
-    let mut errors = String::new();
     let mut shown = 0;
     for unit in now.units.iter().filter(is_shown) {
         shown += 1;
         let attempt = if unit.attempt == 0 { "-".to_owned() } else { unit.attempt.to_string() };
         let seconds = unit.seconds.map_or_else(|| "-".to_owned(), time);
         table.row([unit.name.clone(), unit.state.word().to_owned(), attempt, seconds, unit.holder.clone()]);
-        if let Some(error) = &unit.error {
-            errors += &format!("{}: {}\n", unit.name, plain::message(error));
-        }
     }
     let table = if shown > 0 { table.text() } else { String::new() };
-    format!("{table}{errors}{} of {} units: {}\n", now.count(State::Done), now.units.len(), now.in_words())
+    format!("{table}{}{}", errors(now), counts(now))
+}
+
+/// Why units have failed, and what of others is damaged, a line each.
+pub(super) fn errors(now: &SweepStatus) -> String {
+    let error = |unit: &UnitStatus| {
+        let error = unit.error.as_ref()?;
+        Some(format!("{}: {}\n", plain::line(&unit.name), plain::message(error)))
+    };
+    now.units.iter().filter_map(error).collect()
+}
+
+/// How many units stand how: `4 of 6 units: 4 done, 1 failed, 1 damaged`.
+pub(super) fn counts(now: &SweepStatus) -> String {
+    format!("{} of {} units: {}\n", now.count(State::Done), now.units.len(), now.in_words())
 }
