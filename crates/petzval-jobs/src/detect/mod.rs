@@ -109,12 +109,12 @@ pub(crate) const UNIT: AsUnit<Request> =
 pub fn run(request: &Request, context: &Context) -> Result<Response> {
     check_ranges(request)?;
     let device = context.device(&request.device)?;
-    let (looked, labelled) = match &request.data {
+    let (looked, labelled, is_joined) = match &request.data {
         Some(place) => {
-            let (looked, data) = labelled(place, request.out.as_deref(), context)?;
-            (of_part(looked, request.part.as_deref(), place)?, Some(data))
+            let (looked, data, is_joined) = labelled(place, request.out.as_deref(), context)?;
+            (of_part(looked, request.part.as_deref(), place)?, Some(data), is_joined)
         }
-        None => (unlabelled(files(&request.images, &request.detector)?)?, None),
+        None => (unlabelled(files(&request.images, &request.detector)?)?, None, false),
     };
     if let Some(out) = &request.out {
         check_folder(out, ["detections.json", ANNOTATIONS], context)?;
@@ -178,7 +178,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     });
     if let Some(out) = request.out.as_ref().filter(|_| !pictures.is_empty()) {
         // Weights know classes by their numbers, which are those of a data set in which they look.
-        let has_own_ids = own.is_some() || labelled.is_some() && finder.taken.is_none();
+        let has_own_ids = !is_joined && (own.is_some() || labelled.is_some() && finder.taken.is_none());
         let mut data = labelled.unwrap_or_else(|| DataSet {
             categories: (finder.classes.into_iter().enumerate())
                 .map(|(i, name)| Category { id: i as u64 + 1, name, ..Category::default() })
@@ -194,7 +194,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         let files = ["detections.json", ANNOTATIONS].map(|name| out.join(name));
         if !has_own_ids {
             context.note(format!(
-                "ids of categories in {} are those of {ANNOTATIONS} beside it, and of no other data set",
+                "ids in {} are those of {ANNOTATIONS} beside it, and of no other file of annotations",
                 files[0].display()
             ));
         }
@@ -284,9 +284,9 @@ fn whole_path(file: &Path) -> Result<String> {
     Ok(std::path::absolute(file).map_err(DesignError::io(file))?.display().to_string())
 }
 
-/// The pictures of a data set, and the data set. What of it cannot be used is a warning. Refuses to write into `out` if that would replace the
-/// annotations.
-fn labelled(place: &Path, out: Option<&Path>, context: &Context) -> Result<(Vec<Looked>, DataSet)> {
+/// The pictures of a data set, the data set, and whether it was joined from several files, which numbers pictures anew. What of it cannot be used
+/// is a warning. Refuses to write into `out` if that would replace the annotations.
+fn labelled(place: &Path, out: Option<&Path>, context: &Context) -> Result<(Vec<Looked>, DataSet, bool)> {
     let mut loaded = load_coco(place, context.cancel())?;
     loaded.check_form()?;
     let whole = |path: &Path| path.canonicalize().ok();
@@ -312,7 +312,7 @@ fn labelled(place: &Path, out: Option<&Path>, context: &Context) -> Result<(Vec<
         let message = format!("{}: no picture of this data set can be used", place.display());
         return Err(JobError::input(message, "`data check` says what is wrong with it"));
     }
-    Ok((looked, loaded.data))
+    Ok((looked, loaded.data, loaded.file.is_dir()))
 }
 
 /// The pictures of a part of the data set.

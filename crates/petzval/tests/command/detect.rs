@@ -138,7 +138,9 @@ fn a_run_that_looks_for_objects_is_scored_again_reported_and_lends_its_detector(
         "{}",
         unsure.stderr
     );
-    let found = run_ok(root, &[&args[..], &["--json", "--out", "out"]].concat()).json();
+    let found = run_ok(root, &[&args[..], &["--json", "--out", "out"]].concat());
+    assert!(found.says("and of no other file of annotations"), "{}", found.stderr);
+    let found = found.json();
     let pictures = found["pictures"].as_array().unwrap();
     assert_eq!(pictures.len(), 10);
     let count: usize = pictures.iter().map(|p| p["found"].as_array().unwrap().len()).sum();
@@ -321,7 +323,7 @@ fn a_folder_with_boxes_takes_the_place_of_the_streets() {
     let text = text.replace(r#""category_id": 2"#, r#""category_id": 3"#);
     std::fs::write(root.join("other/annotations.json"), text).unwrap();
     let args = ["detect", "--data", "other", "--run", "run", "--out", "ids"];
-    assert!(!run_ok(root, &args).says("and of no other data set"));
+    assert!(!run_ok(root, &args).says("and of no other file of annotations"));
     let written = read_json(&root.join("ids/annotations.json"));
     let categories = written["categories"].as_array().unwrap();
     let named: Vec<_> =
