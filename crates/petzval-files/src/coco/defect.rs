@@ -131,7 +131,7 @@ kinds! {
         "fine if another file has their boxes; else they are no background and are left out";
     PictureWithoutLabels Warning "A picture has no labels; it is left out."
         "fine for masks; to keep it as background, give it labels that list no object";
-    PartWithoutPictures Warning "The file of class names lists a part that has no pictures here."
+    PartWithoutPictures Warning "A file names a part of the data set that has no pictures here."
         "correct the path, which counts from the folder of the data set; pictures of no named part have that of their folder, if it is called `train`, `val` or `test`";
     ListedWithoutPicture Warning "A list of a part names a picture that is not there."
         "correct the list, or add the picture";

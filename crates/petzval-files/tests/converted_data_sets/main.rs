@@ -2,6 +2,7 @@
 
 mod bdd100k;
 mod every_format;
+mod lists;
 mod yolo;
 
 use petzval_base::Cancel;

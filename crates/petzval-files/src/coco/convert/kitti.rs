@@ -7,15 +7,18 @@
 //! Pictures are numbered in a random order. The folder `mapping` of the devkit says which drive each is of: line `n` of `train_mapping.txt` is
 //! `date drive frame`, and the value of `train_rand.txt` for a picture is its `n`, from 1.
 //!
+//! Lists `ImageSets/train.txt`, `val.txt`, `trainval.txt` and `test.txt` beside `training` or `label_2` say the part of each picture.
+//!
 //! `DontCare` is a region whose objects have no labels. COCO knows such regions class by class: it becomes a crowd of every class.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use petzval_base::{Cancel, FileError};
 
 use super::builder::{Builder, Converted, Label};
+use super::image_sets::{IMAGE_SETS, Named, PartList, parts_of, read_lists};
 use super::tree::{Pictures, ends_with, files_below, labels_text, pictures_among, split_of};
 use crate::coco::bounds::Bounds;
 use crate::coco::data_set::Attribute;
@@ -82,6 +85,11 @@ pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Res
     let split = base.file_name().and_then(|name| split_of(Path::new(name)));
     let drives = drives(&base)?;
     let mut builder = Builder::new(turned);
+    let named = Named::among(pictures_among(&files).chain(labels.iter().map(PathBuf::as_path)));
+    let lists = lists(&base, split.is_some(), &named, cancel)?;
+    // Pictures that a list for training leaves out are not trained on, though their folder is called so.
+    let split = split.filter(|_| lists.iter().all(|list| list.part != "train"));
+    let parts = parts_of(lists, &mut builder.defects);
     let mut regions: Vec<(u64, Bounds)> = Vec::new();
     for path in &labels {
         cancel.check()?;
@@ -90,7 +98,10 @@ pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Res
         let found = pictures.by_stem(stem, path, Path::new(""));
         let place = || format!("no picture for {}", path.display());
         let Some(picture) = found.noted(&place, &mut builder.defects) else { continue };
-        let Some(image) = builder.picture(&base, picture, split.clone()) else { continue };
+        let listed =
+            [path.as_path(), picture].into_iter().find_map(|file| parts.get(file)).map(str::to_owned);
+        let part = listed.or_else(|| split.clone());
+        let Some(image) = builder.picture(&base, picture, part) else { continue };
         let id = image.id;
         let number = path.file_stem().and_then(|stem| stem.to_str()?.parse::<usize>().ok());
         image.sequence = number.and_then(|number| drives.get(number).cloned());
@@ -124,6 +135,31 @@ pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Res
         }
     }
     builder.finish("KITTI")
+}
+
+/// The lists of parts beside the labels, or beside the folder of the part around them.
+fn lists<'f>(
+    base: &Path,
+    is_of_part: bool,
+    named: &Named<'f>,
+    cancel: &Cancel,
+) -> Result<Vec<PartList<'f>>, CocoError> {
+    let around = base.parent().filter(|_| is_of_part);
+    let mut folders = [Some(base), around].into_iter().flatten().map(|place| place.join(IMAGE_SETS));
+    let Some(folder) = folders.find(|folder| folder.is_dir()) else { return Ok(Vec::new()) };
+    let files = files_below(&folder, cancel)?;
+    let paths = files.iter().map(PathBuf::as_path).filter(|path| path.parent() == Some(&*folder));
+    let mut lists = read_lists(paths, named)?;
+    // KITTI numbers the pictures of `testing`, which have no labels, from 0 as well. A list whose pictures are all in other lists is of them.
+    let has_testing = around.is_some_and(|around| around.join("testing").is_dir());
+    let is_for_tests = |list: &PartList| list.part == "test";
+    let others: HashSet<&Path> =
+        lists.iter().filter(|list| !is_for_tests(list)).flat_map(PartList::files).collect();
+    let is_of_testing = |list: &PartList| {
+        if others.is_empty() { has_testing } else { list.files().all(|file| others.contains(file)) }
+    };
+    lists.retain(|list| !is_for_tests(list) || !is_of_testing(list));
+    Ok(lists)
 }
 
 /// The drive of each picture, by its number; empty where the devkit does not lie beside the labels.

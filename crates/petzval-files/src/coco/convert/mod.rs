@@ -6,12 +6,14 @@
 
 mod bdd100k;
 mod builder;
+mod image_sets;
 mod kitti;
 mod tree;
 mod voc;
 mod voc_file;
 mod yolo;
 mod yolo_names;
+mod yolo_parts;
 
 use std::path::Path;
 
@@ -30,7 +32,7 @@ pub enum SourceFormat {
     Kitti,
     /// BDD100K: JSON with `labels[].box2d`, and the pictures.
     Bdd100k,
-    /// YOLO: `data.yaml` and `labels/*.txt`, also as Roboflow and Ultralytics lay them out.
+    /// YOLO: `data.yaml` and `labels/*.txt`, also as Roboflow, Ultralytics and Darknet lay them out.
     Yolo,
     /// Pascal VOC: `Annotations/*.xml` and `JPEGImages/`.
     Voc,

@@ -92,11 +92,6 @@ impl<'f> Pictures<'f> {
         Self { root, by_name, by_stem }
     }
 
-    /// Whether a picture has this name without its ending.
-    pub fn has_stem(&self, stem: &OsStr) -> bool {
-        self.by_stem.contains_key(stem)
-    }
-
     /// The picture of this name, without its ending, to which a file of labels belongs; `stated` is the name in that file.
     pub fn by_stem(&self, stem: &OsStr, labels: &Path, stated: &Path) -> Chosen<'f> {
         self.choose(self.by_stem.get(stem), labels, stated)
@@ -193,6 +188,11 @@ impl<P> Default for ListedParts<P> {
 }
 
 impl<P: Eq + Hash> ListedParts<P> {
+    /// Whether no list names a picture.
+    pub fn is_empty(&self) -> bool {
+        self.parts.is_empty()
+    }
+
     /// The part of a picture that a list names.
     pub fn get<Q: Eq + Hash + ?Sized>(&self, picture: &Q) -> Option<&'static str>
     where

@@ -5,7 +5,8 @@
 //! becomes `labels`, and the ending `.txt`; else beside the picture. That covers `images/train/` with `labels/train/`, the exports of Roboflow
 //! (`train/images/` with `train/labels/`) and Darknet (labels beside pictures). As there, labels are of the picture that EXIF has turned.
 //!
-//! The part of a picture is that whose list or folder `data.yaml` names, else the one that its own folders are called by. Of several pictures with one
+//! The part of a picture is that whose list or folder `data.yaml` names, else that whose list `obj.data` of Darknet names, else that of a list
+//! `train.txt`, `val.txt` or `test.txt`, else the one that its own folders are called by. Of several pictures with one
 //! file of labels none is used, unless they are copies.
 //!
 //! A line has one of these forms:
@@ -58,7 +59,7 @@ pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Res
     for picture in pictures_among(&files) {
         cancel.check()?;
         let below = picture.strip_prefix(root).unwrap_or(picture);
-        let split = page.part_of(below).or_else(|| split_of(below));
+        let split = page.parts.part_of(below).or_else(|| split_of(below));
         let path = labels.of(picture);
         let of_same = path.map_or(&[][..], |path| pictures_of[path].as_slice());
         match one_of_copies(of_same) {

@@ -1,14 +1,13 @@
 //! The file of class names of a YOLO data set: `data.yaml`, `classes.txt` or a file `.names`.
 
-use std::collections::HashSet;
 use std::ffi::OsStr;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 use petzval_base::FileError;
 
-use super::builder::PLAIN_FOLDERS;
-use super::tree::{ListedParts, ends_with, is_picture, labels_text};
-use crate::coco::defect::{DefectKind, Defects};
+use super::tree::{ends_with, labels_text};
+use super::yolo_parts::{Files, Parts};
+use crate::coco::defect::Defects;
 use crate::coco::error::CocoError;
 use crate::yaml::{self, Node, Value};
 
@@ -19,112 +18,14 @@ pub(super) struct Names {
     pub classes: Vec<String>,
     /// Keypoints of each object and the values of each, 2 or 3; `None` where labels are no poses.
     pub keypoints: Option<[usize; 2]>,
-    /// Folders of the parts, below that of the data set, each with its part.
-    parts: Vec<(PathBuf, &'static str)>,
-    /// The parts of pictures that lists name, by their paths below the folder of the data set.
-    listed: ListedParts<PathBuf>,
+    /// The parts of the pictures.
+    pub parts: Parts,
 }
-
-/// Keys of the file and the parts that they name. Of one folder with two parts the last one counts, of a picture in two lists the first.
-const PARTS: [(&str, &str); 3] = [("test", "test"), ("val", "valid"), ("train", "train")];
 
 impl Names {
     fn of_classes(classes: Vec<String>) -> Self {
-        Self { classes, keypoints: None, parts: Vec::new(), listed: ListedParts::default() }
+        Self { classes, keypoints: None, parts: Parts::default() }
     }
-
-    /// The part of a picture, by its path below the folder of the data set, where the file names it.
-    pub fn part_of(&self, below: &Path) -> Option<String> {
-        let named = self.parts.iter().filter(|(folder, _)| below.starts_with(folder));
-        let of_folder = || named.max_by_key(|(folder, _)| folder.components().count()).map(|(_, part)| *part);
-        self.listed.get(below).or_else(of_folder).map(str::to_owned)
-    }
-
-    /// Takes the folders and lists of `train`, `val` and `test`. Parts without a picture are noted.
-    fn take_parts(
-        &mut self,
-        (file, page): (&Path, &Node),
-        root: &Path,
-        files: &[PathBuf],
-        defects: &mut Defects,
-    ) -> Result<(), CocoError> {
-        let below = |path: &PathBuf| path.strip_prefix(root).unwrap_or(path).to_owned();
-        let pictures: HashSet<PathBuf> = files.iter().filter(|path| is_picture(path)).map(below).collect();
-        let above = page.get("path").and_then(Node::text).map(|text| names_in(Path::new(text)));
-        let above = above.unwrap_or_default();
-        for (key, part) in PARTS {
-            for text in page.get(key).into_iter().flat_map(Node::list).filter_map(Node::text) {
-                if matches!(text, "" | "~" | "null") {
-                    continue;
-                }
-                let mut places = places(Path::new(text), &above).into_iter();
-                let is_list = ends_with(Path::new(text), "txt");
-                let found = if is_list {
-                    places.find(|place| files.contains(&root.join(place)))
-                } else {
-                    places.find(|place| pictures.iter().any(|picture| picture.starts_with(place)))
-                };
-                match found {
-                    Some(list) if is_list => self.take_list(root, &list, part, &pictures, defects)?,
-                    Some(folder) => self.parts.push((folder, part)),
-                    None => defects.add(DefectKind::PartWithoutPictures, || {
-                        format!("{}: {key}: {text}", file.display())
-                    }),
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// Takes the pictures of a list, one path a line, from the folder of the list or from that of the data set.
-    fn take_list(
-        &mut self,
-        root: &Path,
-        list: &Path,
-        part: &'static str,
-        pictures: &HashSet<PathBuf>,
-        defects: &mut Defects,
-    ) -> Result<(), CocoError> {
-        let text = labels_text(&root.join(list))?;
-        let beside = list.parent().map(names_in).unwrap_or_default();
-        for (number, line) in (1..).zip(text.lines().map(str::trim)).filter(|(_, line)| !line.is_empty()) {
-            let place = || format!("{}: line {number}: {line}", root.join(list).display());
-            let mut places = places(Path::new(line), &beside).into_iter();
-            let Some(picture) = places.find(|place| pictures.contains(place)) else {
-                defects.add(DefectKind::ListedWithoutPicture, place);
-                continue;
-            };
-            if let Some(other) = self.listed.add(picture, part) {
-                defects.add(DefectKind::PictureInTwoParts, || format!("{}, and in {other}", place()));
-            }
-        }
-        Ok(())
-    }
-}
-
-/// The names in a path, without its root and its steps upwards.
-fn names_in(path: &Path) -> Vec<&OsStr> {
-    let name = |part| match part {
-        Component::Normal(name) => Some(name),
-        _ => None,
-    };
-    path.components().filter_map(name).collect()
-}
-
-/// Places below the folder of a data set that a path may mean, the longest first. A relative one counts from the folder `above` or from one of its
-/// inner folders, because `path` is often that of another machine; so does an absolute one, as long as it names more than `images`.
-fn places(path: &Path, above: &[&OsStr]) -> Vec<PathBuf> {
-    let own = names_in(path);
-    if own.is_empty() {
-        return Vec::new();
-    }
-    if path.is_relative() {
-        let place = |from| above[from..].iter().chain(&own).collect();
-        return (0..=above.len()).map(place).collect();
-    }
-    let says_more =
-        |names: &&[&OsStr]| names.iter().any(|name| !PLAIN_FOLDERS.iter().any(|plain| name == plain));
-    (0..own.len()).map(|from| &own[from..]).filter(says_more).map(|names| names.iter().collect()).collect()
 }
 
 /// The names of the classes, from `data.yaml`, `classes.txt` or a file `.names`. Fails where two of these files give a number to different classes.
@@ -136,6 +37,7 @@ pub(super) fn names_of(root: &Path, files: &[PathBuf], defects: &mut Defects) ->
     pages.sort_by_key(|path| (!at_top(path), !is_data(path)));
     let is_list =
         |path: &&PathBuf| path.file_name() == Some(OsStr::new("classes.txt")) || ends_with(path, "names");
+    let set = Files::below(root, files);
     let mut found: Option<(&Path, Names)> = None;
     for path in &pages {
         let read = names_of_page(path);
@@ -149,9 +51,8 @@ pub(super) fn names_of(root: &Path, files: &[PathBuf], defects: &mut Defects) ->
         match &found {
             Some((first, names)) => check_agree((first, &names.classes), (path, &read.classes))?,
             None if at_top(path) => {
-                let mut read = read;
-                read.take_parts((path, &page), root, files, defects)?;
-                found = Some((path.as_path(), read));
+                let parts = Parts::of_page((path, &page), &set, defects)?;
+                found = Some((path.as_path(), Names { parts, ..read }));
             }
             None => {}
         }
@@ -175,7 +76,10 @@ pub(super) fn names_of(root: &Path, files: &[PathBuf], defects: &mut Defects) ->
             None => found = Some((path.as_path(), Names::of_classes(classes))),
         }
     }
-    if let Some((_, names)) = found {
+    if let Some((_, mut names)) = found {
+        if names.parts.is_empty() {
+            names.parts = Parts::of_lists(&set, defects)?;
+        }
         return Ok(names);
     }
     let reason = match pages.iter().find(|path| at_top(path)) {
