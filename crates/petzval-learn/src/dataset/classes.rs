@@ -19,8 +19,8 @@ use crate::detection::{BBox, Ignored, Object, Truth};
 pub struct ObjectClass {
     /// Its name in scores, tables and pictures.
     pub name: String,
-    /// Names of categories of a data set that are of this class: words of a name, in any spelling of capitals and plurals. Without them, and
-    /// without `categories`, its own name.
+    /// Names of categories of a data set that are of this class: words of a name. Capitals and regular plurals (`-s`, `-es`, `-ies`) do not count;
+    /// write other plurals, such as `mice`, beside the singular. Without names, and without `categories`, its own name.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub from: Vec<String>,
     /// Words in the name of a category that make it something else.
@@ -210,7 +210,6 @@ impl Name {
     /// Whether the words of another name stand in this one, one after the other, each in the singular or the plural.
     fn has(&self, other: &str) -> bool {
         let words = Self::of(other).0;
-        let is_plural = |one: &str, many: &str| many.strip_suffix('s') == Some(one);
         let are_alike = |(a, b): (&String, &String)| a == b || is_plural(a, b) || is_plural(b, a);
         !words.is_empty() && self.0.windows(words.len()).any(|part| part.iter().zip(&words).all(are_alike))
     }
@@ -221,6 +220,15 @@ impl Name {
         let others: Vec<&String> = self.0.iter().filter(|word| !is_direction(word)).collect();
         matches!(others[..], [word] if light_state(word).is_some())
     }
+}
+
+/// Whether a word in small letters is the regular plural of another: `cars`, `buses`, `lorries`.
+fn is_plural(one: &str, many: &str) -> bool {
+    let hisses = || ["s", "x", "z", "ch", "sh", "o"].iter().any(|end| one.ends_with(end));
+    let before_y = || one.strip_suffix('y').filter(|stem| !stem.ends_with(['a', 'e', 'i', 'o', 'u']));
+    many.strip_suffix('s') == Some(one)
+        || many.strip_suffix("es") == Some(one) && hisses()
+        || many.strip_suffix("ies").is_some_and(|stem| before_y() == Some(stem))
 }
 
 /// Which annotations of a data set classes take.
@@ -479,6 +487,25 @@ mod tests {
         let lights = traffic_lights();
         assert_eq!(lights.of_street(ObjectKind::TrafficLight, Some(LampState::Green)), Some(2));
         assert_eq!(lights.of_street(ObjectKind::TurnedLight, Some(LampState::Green)), None);
+    }
+
+    #[test]
+    fn regular_plurals_are_taken_both_ways() {
+        for (one, many) in [
+            ("car", "Cars"),
+            ("bus", "buses"),
+            ("box", "boxes"),
+            ("coach", "coaches"),
+            ("lorry", "lorries"),
+            ("tram way", "tram ways"),
+        ] {
+            assert!(Name::of(many).has(one) && Name::of(one).has(many), "{one} {many}");
+        }
+        for (one, other) in
+            [("car", "cares"), ("mouse", "mice"), ("tray", "traies"), ("bus", "busines"), ("y", "ie")]
+        {
+            assert!(!Name::of(other).has(one) && !Name::of(one).has(other), "{one} {other}");
+        }
     }
 
     #[test]
