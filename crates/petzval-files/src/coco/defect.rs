@@ -119,6 +119,8 @@ kinds! {
         "look at it in the picture, and take it out of the file; if all boxes are thin, they are shares of the picture, and COCO has pixels";
     UnknownState Warning "A `state` is none of red, yellow, green and off; a traffic light whose class does not name one is not judged."
         "write one of the four as a text; fine for objects that are no traffic lights";
+    OtherFileName Warning "A picture is not where its name says; the only file that the name can mean is taken."
+        "fine if these are the pictures; else write names as they are in the folder of the data set";
     SizeNotStated Warning "A picture has no stated size; that of its file is taken."
         "write width and height";
     AreaNotStated Warning "An annotation has no usable area; that of its box is taken."

@@ -12,6 +12,7 @@ use super::data_set::DataSet;
 use super::defect::{DefectKind, Defects};
 use super::error::CocoError;
 use super::parts::joined;
+use super::picture_names::{picture_in, take_other_spellings};
 use super::read::parse_coco;
 use super::write::coco_bytes;
 
@@ -58,15 +59,17 @@ impl Loaded {
 ///
 /// `place` is a file of annotations or a folder. In a folder these are looked for: `annotations.json`, `_annotations.coco.json`,
 /// `annotations/instances_*.json`, `_annotations.coco.json` in the folders `train`, `valid` and `test`, one file `.json`. Where there are several, each
-/// is a part of the data set. Pictures are beside the annotations, in `images/` there, or, as COCO itself has
-/// them, in a folder named like the part: `annotations/instances_val2017.json` and `val2017/`.
+/// is a part of the data set. Pictures are beside the annotations, in `images/` or `data/` there, or, as COCO itself has
+/// them, in a folder named like the part: `annotations/instances_val2017.json` and `val2017/`. A picture that is not where its name says has the name
+/// of the only file that can be meant.
 ///
 /// Fails with [`CocoError::Stopped`] before the next step, such as a file or the check of its entries, once `cancel` is set.
 pub fn load_coco(place: &Path, cancel: &Cancel) -> Result<Loaded, CocoError> {
     let mut defects = Defects::default();
     let mut loaded = match annotation_files(place)?.as_slice() {
         [file] => {
-            let (data, folders) = (entries(file, &mut defects, cancel)?, picture_folders(file));
+            let (mut data, folders) = (entries(file, &mut defects, cancel)?, picture_folders(file));
+            take_other_spellings(&mut data.images, &folders, &mut defects, cancel)?;
             Loaded { data, defects, file: file.clone(), folders }
         }
         several => {
@@ -76,6 +79,7 @@ pub fn load_coco(place: &Path, cancel: &Cancel) -> Result<Loaded, CocoError> {
                     (entries(file, &mut defects, cancel)?, part_of(file).unwrap_or_default());
                 // Two parts may have pictures of one name, each in its own folder.
                 let folders = picture_folders(file);
+                take_other_spellings(&mut data.images, &folders, &mut defects, cancel)?;
                 for image in &mut data.images {
                     cancel.check()?;
                     let found = picture_in(&folders, &image.file_name);
@@ -104,15 +108,6 @@ fn entries(file: &Path, defects: &mut Defects, cancel: &Cancel) -> Result<DataSe
     cancel.check()?;
     check_entries(&mut data, defects);
     Ok(data)
-}
-
-/// The file of a picture in the first of these folders that has it. Some programs write `images\\a.png`.
-fn picture_in(folders: &[PathBuf], file_name: &str) -> Option<PathBuf> {
-    let find = |name: &str| folders.iter().map(|folder| folder.join(name)).find(|path| path.is_file());
-    match find(file_name) {
-        None if file_name.contains('\\') => find(&file_name.replace('\\', "/")),
-        found => found,
-    }
 }
 
 /// Writes the annotations of a data set, completely or not at all.
@@ -200,7 +195,8 @@ fn json_files(folder: &Path, is_accepted: impl Fn(&str) -> bool) -> Result<Vec<P
 /// Folders in which the pictures of a file of annotations may be.
 fn picture_folders(file: &Path) -> Vec<PathBuf> {
     let beside = file.parent().unwrap_or(Path::new("")).to_owned();
-    let mut folders = vec![beside.clone(), beside.join("images")];
+    // FiftyOne has its pictures in `data`.
+    let mut folders = vec![beside.clone(), beside.join("images"), beside.join("data")];
     if beside.file_name() == Some(OsStr::new("annotations")) {
         let root = beside.parent().unwrap_or(Path::new("")).to_owned();
         let stem = file.file_stem().and_then(OsStr::to_str).unwrap_or("");

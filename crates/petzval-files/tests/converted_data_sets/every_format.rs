@@ -211,3 +211,30 @@ fn pictures_of_lost_labels_are_not_converted() {
         assert_eq!((lost.count, &lost.first[..]), (1, &["images/a.png".to_owned()][..]));
     }
 }
+
+/// Archives of macOS have a letter and its marks apart, where other systems have one sign.
+#[test]
+fn names_are_the_same_in_every_form_of_their_letters() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    let (one, apart) = ("\u{e4}", "a\u{308}");
+    for (picture, labels) in [(one, apart), (apart, one)] {
+        let root = root.join(if picture == one { "one" } else { "apart" });
+        write_png(&root, &format!("yolo/images/{picture}.png"), 100, 40);
+        write(&root, &format!("yolo/labels/{labels}.txt"), "0 0.5 0.5 0.2 0.1\n");
+        write(&root, "yolo/classes.txt", "car\n");
+        write(&root, "yolo/val.txt", &format!("images/{labels}.png\n"));
+        write_png(&root, &format!("voc/JPEGImages/{picture}.png"), 100, 40);
+        write(&root, &format!("voc/Annotations/{labels}.xml"), VOC);
+        write(&root, "voc/ImageSets/Main/val.txt", &format!("{labels}\n"));
+        for (format, name, objects) in [(SourceFormat::Yolo, "yolo", 1), (SourceFormat::Voc, "voc", 2)] {
+            let converted = convert(format, &root.join(name), None, &Cancel::default()).unwrap();
+            assert_eq!(
+                (converted.data.annotations.len(), converted.defects.errors()),
+                (objects, 0),
+                "{name}"
+            );
+            assert_eq!(converted.data.images[0].split.as_deref(), Some("valid"), "{name}");
+        }
+    }
+}

@@ -1,6 +1,7 @@
 //! Data sets in COCO format: every defect is found, and what is read is written again.
 
 mod forms;
+mod picture_names;
 mod turned;
 
 use petzval_base::Cancel;
@@ -471,8 +472,9 @@ fn a_picture_that_is_damaged_in_its_middle_is_found() {
 
 #[test]
 fn annotations_are_found_where_programs_put_them() {
-    let layouts: [(&str, &str); 5] = [
+    let layouts: [(&str, &str); 6] = [
         ("annotations.json", "a.png"),
+        ("labels.json", "data/a.png"),
         ("_annotations.coco.json", "a.png"),
         ("annotations/instances_val2017.json", "val2017/a.png"),
         ("annotations/instances_train.json", "images/train/a.png"),

@@ -1,5 +1,6 @@
 //! The lists of a folder `ImageSets`: files `train.txt`, `val.txt`, `trainval.txt` and `test.txt` with the name of a picture in each line.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::ffi::OsStr;
 use std::path::{Component, Path, PathBuf};
@@ -7,6 +8,7 @@ use std::path::{Component, Path, PathBuf};
 use super::tree::{ListedParts, ends_with, is_picture, labels_text, split_of};
 use crate::coco::defect::{DefectKind, Defects};
 use crate::coco::error::CocoError;
+use crate::coco::spelling::{composed, composed_path};
 
 /// The folder of the lists, beside those of pictures and labels.
 pub(super) const IMAGE_SETS: &str = "ImageSets";
@@ -18,14 +20,16 @@ const FOLDERS: [&str; 4] = ["JPEGImages", "Annotations", "image_2", "label_2"];
 const PARTS: [&str; 3] = ["test", "valid", "train"];
 
 /// The files that lists may name, by their names without ending: pictures, and labels where these have another name.
-pub(super) struct Named<'f>(HashMap<&'f OsStr, Vec<&'f Path>>);
+pub(super) struct Named<'f>(HashMap<Cow<'f, OsStr>, Vec<&'f Path>>);
 
 impl<'f> Named<'f> {
     /// These files of pictures and labels.
     pub fn among(files: impl Iterator<Item = &'f Path>) -> Self {
         let mut by_stem = HashMap::<_, Vec<_>>::new();
         for path in files {
-            path.file_stem().into_iter().for_each(|stem| by_stem.entry(stem).or_default().push(path));
+            path.file_stem()
+                .into_iter()
+                .for_each(|stem| by_stem.entry(composed(stem)).or_default().push(path));
         }
         Self(by_stem)
     }
@@ -33,8 +37,8 @@ impl<'f> Named<'f> {
     /// The files that a name of a list means: with or without folders and ending. Files below `around`, the folder of the data set of the list, come
     /// before others, and a name without folders means the file that lies in none, if there is one.
     fn of(&self, name: &str, around: &Path) -> Vec<&'f Path> {
-        let name = name.replace('\\', "/");
-        let names: PathBuf = Path::new(&name).components().filter_map(normal).collect();
+        let name = composed_path(Path::new(&name.replace('\\', "/")));
+        let names: PathBuf = name.components().filter_map(normal).collect();
         let mut meant = names.clone();
         let mut found = self.ending_with(&meant);
         if found.is_empty() && (is_picture(&names) || ends_with(&names, "xml")) {
@@ -56,7 +60,7 @@ impl<'f> Named<'f> {
     /// The files whose paths without ending have these last names.
     fn ending_with(&self, names: &Path) -> Vec<&'f Path> {
         let of_stem = names.file_name().and_then(|stem| self.0.get(stem)).into_iter().flatten();
-        of_stem.copied().filter(|path| path.with_extension("").ends_with(names)).collect()
+        of_stem.copied().filter(|path| composed_path(path).with_extension("").ends_with(names)).collect()
     }
 }
 
@@ -76,6 +80,7 @@ fn narrowed<'f>(files: Vec<&'f Path>, holds: impl Fn(&Path) -> bool) -> Vec<&'f 
 
 /// The path of a file below the last folder that is usual for pictures or labels, without its ending.
 fn below_folder(path: &Path) -> Option<PathBuf> {
+    let path = composed_path(path);
     let names: Vec<&OsStr> = path.iter().collect();
     let at = names.iter().rposition(|name| FOLDERS.iter().any(|folder| name == folder))?;
     Some(names[at + 1..].iter().collect::<PathBuf>().with_extension(""))

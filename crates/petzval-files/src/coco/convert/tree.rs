@@ -1,6 +1,6 @@
 //! The files below a folder.
 
-use std::borrow::Borrow;
+use std::borrow::{Borrow, Cow};
 use std::collections::HashMap;
 use std::ffi::{OsStr, OsString};
 use std::hash::Hash;
@@ -12,6 +12,7 @@ use super::builder::PLAIN_FOLDERS;
 use crate::coco::bounded::read_bounded;
 use crate::coco::defect::{DefectKind, Defects};
 use crate::coco::error::CocoError;
+use crate::coco::spelling::{composed, composed_path};
 use crate::encoding::{decode_strictly, decode_xml};
 
 /// Levels of folders that are searched.
@@ -73,11 +74,11 @@ pub(super) fn pictures_among(files: &[PathBuf]) -> impl DoubleEndedIterator<Item
     files.iter().map(PathBuf::as_path).filter(|path| is_picture(path))
 }
 
-/// The picture files of a data set, by their names and by their names without ending. Parts of a data set often repeat them.
+/// The picture files of a data set, by their names and by their names without ending, in one form of letters. Parts of a data set often repeat them.
 pub(super) struct Pictures<'f> {
     root: &'f Path,
-    by_name: HashMap<&'f OsStr, Vec<&'f Path>>,
-    by_stem: HashMap<&'f OsStr, Vec<&'f Path>>,
+    by_name: HashMap<Cow<'f, OsStr>, Vec<&'f Path>>,
+    by_stem: HashMap<Cow<'f, OsStr>, Vec<&'f Path>>,
 }
 
 impl<'f> Pictures<'f> {
@@ -86,7 +87,7 @@ impl<'f> Pictures<'f> {
         let (mut by_name, mut by_stem) = (HashMap::<_, Vec<_>>::new(), HashMap::<_, Vec<_>>::new());
         for path in pictures_among(files) {
             for (name, paths) in [(path.file_name(), &mut by_name), (path.file_stem(), &mut by_stem)] {
-                name.into_iter().for_each(|name| paths.entry(name).or_default().push(path));
+                name.into_iter().for_each(|name| paths.entry(composed(name)).or_default().push(path));
             }
         }
         Self { root, by_name, by_stem }
@@ -94,12 +95,21 @@ impl<'f> Pictures<'f> {
 
     /// The picture of this name, without its ending, to which a file of labels belongs; `stated` is the name in that file.
     pub fn by_stem(&self, stem: &OsStr, labels: &Path, stated: &Path) -> Chosen<'f> {
-        self.choose(self.by_stem.get(stem), labels, stated)
+        self.choose(self.by_stem.get(&*composed(stem)), labels, stated)
+    }
+
+    /// Whether a picture has this path at its end, with or without its own ending.
+    pub fn has(&self, stated: &Path) -> bool {
+        let Some(name) = stated.file_name().map(composed) else { return false };
+        let mut named =
+            [&self.by_name, &self.by_stem].into_iter().filter_map(|paths| paths.get(&*name)).flatten();
+        let stated = composed_path(stated);
+        named.any(|path| is_at_end(&stated, path))
     }
 
     /// The picture to which a file of labels belongs, by the name that the file states.
     pub fn by_name(&self, labels: &Path, stated: &Path) -> Chosen<'f> {
-        self.choose(stated.file_name().and_then(|name| self.by_name.get(name)), labels, stated)
+        self.choose(stated.file_name().and_then(|name| self.by_name.get(&*composed(name))), labels, stated)
     }
 
     /// Chooses among pictures of one name. In this order count: the folder of the labels, the stated path, a folder that is usual for pictures,
@@ -112,15 +122,15 @@ impl<'f> Pictures<'f> {
         };
         let folders = |path: &Path| -> Vec<OsString> {
             let folder = path.strip_prefix(self.root).unwrap_or(path).parent().unwrap_or(Path::new(""));
-            folder.iter().map(OsStr::to_owned).collect()
+            folder.iter().map(|name| composed(name).into_owned()).collect()
         };
-        let of_labels = folders(labels);
+        let (of_labels, stated) = (folders(labels), composed_path(stated));
         let nearness = |path: &Path| {
             let own = folders(path);
             let is_usual = own.iter().any(|folder| PLAIN_FOLDERS.iter().any(|plain| folder == plain));
             let shared = own.iter().filter(|folder| of_labels.contains(folder)).count();
             let first = own.iter().zip(&of_labels).take_while(|(own, other)| own == other).count();
-            (own == of_labels, path.ends_with(stated), is_usual, shared, first)
+            (own == of_labels, is_at_end(&stated, path), is_usual, shared, first)
         };
         let nearest = named.iter().map(|path| nearness(path)).max();
         let nearest: Vec<&'f Path> =
@@ -134,6 +144,12 @@ impl<'f> Pictures<'f> {
             },
         }
     }
+}
+
+/// Whether a path in one form of letters is the end of that of a file, with or without its ending.
+fn is_at_end(stated: &Path, file: &Path) -> bool {
+    let file = composed_path(file);
+    file.ends_with(stated) || file.with_extension("").ends_with(stated)
 }
 
 /// Whether two files can be read and hold the same.

@@ -32,6 +32,7 @@ use super::yolo_names::names_of;
 use crate::coco::bounds::Bounds;
 use crate::coco::defect::DefectKind;
 use crate::coco::error::CocoError;
+use crate::coco::spelling::composed_path;
 
 /// Shares may exceed 0..1 by rounding; what is further out is in pixels.
 const ROUNDING: f64 = 0.01;
@@ -142,7 +143,7 @@ fn one_of_copies<'f>(pictures: &[&'f Path]) -> Option<&'f Path> {
 const LABELS: &str = "labels";
 const IMAGES: &str = "images";
 
-/// The files of labels of a data set. Some programs write `Labels` or `.TXT`.
+/// The files of labels of a data set. Some programs write `Labels` or `.TXT`, and archives of macOS have other forms of letters.
 struct LabelFiles<'f>(HashMap<PathBuf, &'f Path>);
 
 impl<'f> LabelFiles<'f> {
@@ -172,8 +173,9 @@ impl<'f> LabelFiles<'f> {
     }
 }
 
-/// The path of a file of labels with `labels` and `.txt` in small letters.
+/// The path of a file of labels with `labels` and `.txt` in small letters, and all letters in one form.
 fn in_usual_letters(path: &Path) -> PathBuf {
+    let path = composed_path(path);
     let parts: PathBuf = (path.iter())
         .map(|name| if name.eq_ignore_ascii_case(LABELS) { OsStr::new(LABELS) } else { name })
         .collect();

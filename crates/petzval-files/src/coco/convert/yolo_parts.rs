@@ -1,7 +1,7 @@
 //! The parts of a YOLO data set: the folders and lists that `data.yaml` names, the lists that `obj.data` of Darknet names, or lists that are called
 //! by their parts, such as `train.txt`.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::ffi::OsStr;
 use std::path::{Component, Path, PathBuf};
 
@@ -9,6 +9,7 @@ use super::builder::PLAIN_FOLDERS;
 use super::tree::{ListedParts, ends_with, is_picture, labels_text, split_of};
 use crate::coco::defect::{DefectKind, Defects};
 use crate::coco::error::CocoError;
+use crate::coco::spelling::composed_path;
 use crate::yaml::Node;
 
 /// Keys of `data.yaml` and the parts that they name. Of one folder or list with two parts the last one counts, of a picture in two lists the first.
@@ -18,15 +19,23 @@ const PARTS: [(&str, &str); 3] = [("test", "test"), ("val", "valid"), ("train", 
 pub(super) struct Files<'a> {
     root: &'a Path,
     all: &'a [PathBuf],
-    /// The pictures, by their paths below the root.
+    /// The paths of pictures below the root, in one form of letters.
     pictures: HashSet<PathBuf>,
+    /// All other files, by such paths.
+    others: HashMap<PathBuf, &'a Path>,
 }
 
 impl<'a> Files<'a> {
     pub fn below(root: &'a Path, all: &'a [PathBuf]) -> Self {
-        let below = |path: &PathBuf| path.strip_prefix(root).unwrap_or(path).to_owned();
-        let pictures = all.iter().filter(|path| is_picture(path)).map(below).collect();
-        Self { root, all, pictures }
+        let below = |path: &Path| composed_path(path.strip_prefix(root).unwrap_or(path));
+        let (pictures, others): (Vec<&Path>, Vec<&Path>) =
+            all.iter().map(PathBuf::as_path).partition(|path| is_picture(path));
+        Self {
+            root,
+            all,
+            pictures: pictures.into_iter().map(below).collect(),
+            others: others.into_iter().map(|path| (below(path), path)).collect(),
+        }
     }
 }
 
@@ -59,9 +68,10 @@ pub(super) struct Parts {
 impl Parts {
     /// The part of a picture, by its path below the folder of the data set, where a file names it.
     pub fn part_of(&self, below: &Path) -> Option<String> {
+        let below = composed_path(below);
         let named = self.folders.iter().filter(|(folder, _)| below.starts_with(folder));
         let of_folder = || named.max_by_key(|(folder, _)| folder.components().count()).map(|(_, part)| *part);
-        self.listed.get(below).or_else(of_folder).map(str::to_owned)
+        self.listed.get(below.as_path()).or_else(of_folder).map(str::to_owned)
     }
 
     /// Whether no picture has a part.
@@ -107,7 +117,7 @@ impl Parts {
             let mut places = places(&path, start).into_iter();
             let is_list = ends_with(Path::new(&path), "txt") || matches!(start, Start::Anywhere);
             let found = if is_list {
-                places.find(|place| files.all.contains(&files.root.join(place)))
+                places.find(|place| files.others.contains_key(place))
             } else {
                 places.find(|place| files.pictures.iter().any(|picture| picture.starts_with(place)))
             };
@@ -135,8 +145,8 @@ impl Parts {
         files: &Files,
         defects: &mut Defects,
     ) -> Result<(), CocoError> {
-        let path = files.root.join(list);
-        let text = labels_text(&path)?;
+        let Some(path) = files.others.get(list) else { return Ok(()) };
+        let text = labels_text(path)?;
         let beside = list.parent().map(names_in).unwrap_or_default();
         for (number, line) in (1..).zip(text.lines().map(str::trim)).filter(|(_, line)| !line.is_empty()) {
             let place = || format!("{}: line {number}: {line}", path.display());
@@ -211,9 +221,9 @@ fn names_in(path: &Path) -> Vec<&OsStr> {
 /// folders of that, because `path` is often that of another machine. So does an absolute one, as long as it names more than `images`.
 fn places(path: &str, start: Start) -> Vec<PathBuf> {
     // Lists of Windows have its separators, and its disks.
-    let path = path.replace('\\', "/");
-    let is_absolute = Path::new(&path).is_absolute() || path.as_bytes().get(1) == Some(&b':');
-    let own = names_in(Path::new(&path));
+    let path = composed_path(Path::new(&path.replace('\\', "/")));
+    let is_absolute = path.is_absolute() || path.as_os_str().as_encoded_bytes().get(1) == Some(&b':');
+    let own = names_in(&path);
     if own.is_empty() {
         return Vec::new();
     }
