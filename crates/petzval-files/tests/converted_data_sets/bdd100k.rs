@@ -4,7 +4,7 @@ use petzval_base::Cancel;
 use petzval_files::coco::DefectKind;
 use petzval_files::coco::convert::{Converted, SourceFormat, convert};
 
-use super::{fails, objects, write, write_png};
+use super::{fails, objects, write, write_grey, write_png};
 
 const BDD: &str = r#"[
 {"name": "a.jpg", "videoName": "v1", "attributes": {"timeofday": "night"}, "labels": [
@@ -249,4 +249,35 @@ fn bdd100k_labels_of_two_times_are_not_laid_on_one_picture() {
         assert_eq!((found.data.images.len(), found.data.annotations.len()), (pictures, objects), "{text}");
         assert_eq!(counts, [times, repeated], "{text}");
     }
+}
+
+#[test]
+fn frames_of_one_name_are_in_the_folders_of_their_films() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    write_grey(root, "images/v1/0001.png", 40);
+    write_grey(root, "images/v2/0001.png", 200);
+    let labels = |ending: &str| {
+        let frame = |(film, class): (&str, &str)| {
+            let corners = r#"{"x1": 1, "y1": 5, "x2": 9, "y2": 15}"#;
+            format!(
+                r#"{{"name": "0001{ending}", "videoName": "{film}", "labels": [{{"category": "{class}", "box2d": {corners}}}]}}"#
+            )
+        };
+        write(root, "labels.json", &format!("[{}]", [("v1", "car"), ("v2", "bus")].map(frame).join(", ")));
+        convert(SourceFormat::Bdd100k, root, None, &Cancel::default()).unwrap()
+    };
+    for ending in [".png", ""] {
+        let found = labels(ending);
+        let bounds = [1.0, 5.0, 8.0, 10.0];
+        assert_eq!(
+            objects(&found),
+            [("images/v1/0001.png", "car", bounds), ("images/v2/0001.png", "bus", bounds)]
+        );
+        assert_eq!(found.defects.errors(), 0);
+    }
+    // Labels of a film whose pictures are not there are not laid on those of another one.
+    std::fs::remove_dir_all(root.join("images/v2")).unwrap();
+    let lost = labels(".png");
+    assert_eq!((lost.data.images.len(), lost.defects.count(DefectKind::SeveralTimes)), (0, 1));
 }

@@ -2,7 +2,8 @@
 //!
 //! <https://doc.bdd100k.com/format.html>. Lanes and drivable areas without `box2d` are left out and counted, and so are lists that have no
 //! other labels: their pictures are no background. Another label without a box is an error of its own. A file of one picture has all labels
-//! of it. Frames of several times by the name of one picture are an error; other entries of it in a list are noted, and their labels come together. The colour of a traffic light becomes the attribute `state`: `red`, `yellow` and `green`, or `R`, `Y` and `G`. Objects with `crowd` or `ignored` are crowds. A stated `size` is that of the picture. Labels of whole
+//! of it. Frames of several times or films by the name of one picture are an error, and a folder of the name of a film has its
+//! pictures; other entries of a picture in a list are noted, and their labels come together. The colour of a traffic light becomes the attribute `state`: `red`, `yellow` and `green`, or `R`, `Y` and `G`. Objects with `crowd` or `ignored` are crowds. A stated `size` is that of the picture. Labels of whole
 //! pictures, such as the weather, are not read.
 
 use std::collections::{BTreeMap, HashMap};
@@ -133,14 +134,22 @@ pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Res
             let wanted = "the name of the file of the picture";
             let name = picture.name.text().map_err(|wrong| wrong_value("name", &wrong, wanted));
             let Some(name) = builder.understood(path, name).map(str::to_owned) else { continue };
+            // Frames of two films may have one name. Each film then has a folder.
+            let video = picture.video.name().unwrap_or(None);
+            let in_video = video.as_ref().map(|video| Path::new(video).join(&name));
+            let in_video = in_video.filter(|stated| by_names.has(stated));
+            let stated = in_video.unwrap_or_else(|| PathBuf::from(&name));
             // Older files leave the ending out.
-            let short = Path::new(&name).file_name().unwrap_or(OsStr::new(""));
-            let stated = Path::new(&name);
-            let found = by_names.by_name(path, stated).or(|| by_names.by_stem(short, path, stated));
+            let short = stated.file_name().unwrap_or(OsStr::new(""));
+            let found = by_names.by_name(path, &stated).or(|| by_names.by_stem(short, path, &stated));
             let Some(file) = found.noted(&|| name.clone(), &mut builder.defects) else { continue };
             let split = split_of(file.strip_prefix(&base).unwrap_or(file));
             let Some(image) = builder.picture(&base, file, split) else { continue };
-            if let Some(video) = picture.video.name().unwrap_or(None) {
+            let is_of_other_film = match (&image.sequence, &video) {
+                (Some(first), Some(video)) => first != video,
+                _ => false,
+            };
+            if let Some(video) = video {
                 image.sequence = Some(video);
             }
             let id = image.id;
@@ -150,15 +159,15 @@ pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Res
             } else {
                 [Loose::Whole(place), Loose::Absent]
             };
-            if let Some(first) = times.insert(id, time.clone()) {
-                let are_other = |(a, b): (&Loose, &Loose)| ![a, b].contains(&&Loose::Absent) && a != b;
-                let said = || format!("{}: {name}: {}", path.display(), file.display());
-                if first.iter().zip(&time).any(are_other) {
-                    builder.defects.add(DefectKind::SeveralTimes, said);
-                    builder.leave_out(id);
-                } else {
-                    builder.defects.add(DefectKind::RepeatedFile, said);
-                }
+            let first = times.insert(id, time.clone());
+            let are_other = |(a, b): (&Loose, &Loose)| ![a, b].contains(&&Loose::Absent) && a != b;
+            let is_of_other_time = first.as_ref().is_some_and(|first| first.iter().zip(&time).any(are_other));
+            let said = || format!("{}: {name}: {}", path.display(), file.display());
+            if is_of_other_film || is_of_other_time {
+                builder.defects.add(DefectKind::SeveralTimes, said);
+                builder.leave_out(id);
+            } else if first.is_some() {
+                builder.defects.add(DefectKind::RepeatedFile, said);
             }
             let of_picture = |error: FileError| FileError { key: format!("{name}: {}", error.key), ..error };
             let size = picture.size.as_ref().map(pixels).transpose().map_err(of_picture);
