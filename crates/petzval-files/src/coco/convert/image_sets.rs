@@ -73,7 +73,7 @@ fn normal(part: Component<'_>) -> Option<&OsStr> {
 }
 
 /// Those of some files for which this holds; all where it holds for none.
-fn narrowed(files: Vec<&'f Path>, holds: impl Fn(&Path) -> bool) -> Vec<&'f Path> {
+fn narrowed(files: Vec<&Path>, holds: impl Fn(&Path) -> bool) -> Vec<&Path> {
     let kept: Vec<&Path> = files.iter().copied().filter(|path| holds(path)).collect();
     if kept.is_empty() { files } else { kept }
 }
