@@ -286,6 +286,18 @@ fn numbers_of_special_surfaces_have_names() {
     }
 }
 
+/// A key that the reader always refuses is no part of the format.
+#[test]
+fn the_format_has_no_conic_constant_of_a_toroid() {
+    let schema = petzval_files::lens_schema().to_value();
+    let has_conic = |name: &str| {
+        let keys = schema["$defs"][name]["properties"].as_object().unwrap();
+        assert!(keys.contains_key("radius_x_mm") && keys.contains_key("curvature_x_per_mm"), "{name}");
+        keys.contains_key("conic_x")
+    };
+    assert!(has_conic("BiconicText") && !has_conic("ToroidText"));
+}
+
 /// Bounds of a tilt are degrees, in a file and in the variable that it becomes; the lens has radians.
 #[test]
 fn tilts_are_variables_in_degrees() {

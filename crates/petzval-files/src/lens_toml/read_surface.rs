@@ -1,9 +1,10 @@
 //! Reads a surface: its shape, its action on light, and its placement.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use super::read::Reader;
-use super::text::{ForbesText, Placed, PlacementText, SectionText, SurfaceText, Terms};
+use super::text::{BiconicText, ForbesText, Placed, PlacementText, SurfaceText, Terms, ToroidText};
 use crate::spanned::Spanned;
 use petzval_base::FileError;
 use petzval_optics::glass::{Catalog, Glass};
@@ -138,10 +139,11 @@ impl Reader<'_> {
                 named.push((key, forbes.span(), self.forbes(key, forbes.get_ref())?));
             }
         }
-        for (key, section) in [("biconic", &surface.biconic), ("toroid", &surface.toroid)] {
-            if let Some(section) = section {
-                named.push((key, section.span(), self.section(number, key, section)?));
-            }
+        if let Some(biconic) = &surface.biconic {
+            named.push(("biconic", biconic.span(), self.biconic(number, biconic)?));
+        }
+        if let Some(toroid) = &surface.toroid {
+            named.push(("toroid", toroid.span(), self.toroid(number, toroid)?));
         }
         if let (Some((_, span, _)), Some(k)) =
             (named.iter().find(|(key, ..)| *key == "q_bfs"), &surface.conic)
@@ -200,30 +202,40 @@ impl Reader<'_> {
         })
     }
 
-    fn section(
-        &self,
-        number: usize,
-        key: &str,
-        placed: &Spanned<SectionText>,
-    ) -> Result<Departure, FileError> {
+    fn biconic(&self, number: usize, placed: &Spanned<BiconicText>) -> Result<Departure, FileError> {
         let text = placed.get_ref();
-        let keys = ["radius_x_mm", "curvature_x_per_mm"];
-        let Some(curvature_x) = self.reciprocal(number, keys, &text.radius_x_mm, &text.curvature_x_per_mm)?
-        else {
-            let message = format!("surface {number}: the x-z section has no radius");
-            let error = self.missing("radius_x_mm", placed.span(), message);
-            return Err(error.hint("a straight section is `radius_x_mm = inf`"));
-        };
-        if key == "biconic" {
-            let conic_x = text.conic_x.as_ref().map_or(Ok(0.0), |k| self.finite("conic_x", k))?;
-            return Ok(Departure::Biconic { curvature_x, conic_x });
-        }
+        let [radius, curvature] = [&text.radius_x_mm, &text.curvature_x_per_mm];
+        let curvature_x = self.curvature_x(number, placed.span(), radius, curvature)?;
+        let conic_x = text.conic_x.as_ref().map_or(Ok(0.0), |k| self.finite("conic_x", k))?;
+        Ok(Departure::Biconic { curvature_x, conic_x })
+    }
+
+    fn toroid(&self, number: usize, placed: &Spanned<ToroidText>) -> Result<Departure, FileError> {
+        let text = placed.get_ref();
+        let [radius, curvature] = [&text.radius_x_mm, &text.curvature_x_per_mm];
+        let curvature_x = self.curvature_x(number, placed.span(), radius, curvature)?;
         match &text.conic_x {
             Some(k) => Err(self
                 .error("conic_x", k.span(), "the x-z section of a toroid is a circle")
                 .hint("a surface with two conic sections is a biconic")),
             None => Ok(Departure::Toroid { curvature_x }),
         }
+    }
+
+    /// Curvature of an x-z section, 1/mm.
+    fn curvature_x(
+        &self,
+        number: usize,
+        span: Range<usize>,
+        radius: &Option<Placed>,
+        curvature: &Option<Placed>,
+    ) -> Result<f64, FileError> {
+        let keys = ["radius_x_mm", "curvature_x_per_mm"];
+        self.reciprocal(number, keys, radius, curvature)?.ok_or_else(|| {
+            let message = format!("surface {number}: the x-z section has no radius");
+            let error = self.missing("radius_x_mm", span, message);
+            error.hint("a straight section is `radius_x_mm = inf`")
+        })
     }
 
     fn action(&self, number: usize, surface: &SurfaceText) -> Result<Action, FileError> {

@@ -109,9 +109,9 @@ pub(super) struct SurfaceText {
     /// Forbes's polynomials about a conic.
     pub q_con: Option<Spanned<ForbesText>>,
     /// Another conic in the x-z section; `radius_mm` and `conic` describe the y-z section.
-    pub biconic: Option<Spanned<SectionText>>,
+    pub biconic: Option<Spanned<BiconicText>>,
     /// The y-z section turned about an axis along y.
-    pub toroid: Option<Spanned<SectionText>>,
+    pub toroid: Option<Spanned<ToroidText>>,
     /// Distance to the next vertex; that of the last surface reaches to the image plane. Unit: mm.
     pub thickness_mm: Placed,
     /// The medium behind the surface; air if it is left out.
@@ -145,15 +145,28 @@ pub(super) struct ForbesText {
     pub a: Spanned<Vec<Placed>>,
 }
 
-/// The x-z section of a biconic or a toroid.
+/// The x-z section of a biconic.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "{ radius_x_mm = ... }")]
-pub(super) struct SectionText {
-    /// Radius of curvature in the x-z section, or of the turn about the axis along y; `inf` makes a cylinder. Unit: mm.
+pub(super) struct BiconicText {
+    /// Radius of curvature in the x-z section; `inf` makes it straight. Unit: mm.
     pub radius_x_mm: Option<Placed>,
     /// Its curvature, in place of the radius. Unit: 1/mm.
     pub curvature_x_per_mm: Option<Placed>,
     /// Its conic constant.
+    pub conic_x: Option<Placed>,
+}
+
+/// The x-z section of a toroid, a circle.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, expecting = "{ radius_x_mm = ... }")]
+pub(super) struct ToroidText {
+    /// Radius of the turn about the axis along y; `inf` makes a cylinder. Unit: mm.
+    pub radius_x_mm: Option<Placed>,
+    /// Its curvature, in place of the radius. Unit: 1/mm.
+    pub curvature_x_per_mm: Option<Placed>,
+    /// Read for an error that says what has one; no part of the format.
+    #[schemars(skip)]
     pub conic_x: Option<Placed>,
 }
 
