@@ -282,6 +282,17 @@ fn what_is_lost_is_named_with_its_line() {
         ),
         (r#""vx": 0.0"#, r#""vx": 0.0, "vz": 1"#, "line 4: `vz`: this key is not understood"),
         (r#""radius": 50,"#, r#""radius": 50, "bumps": 3,"#, "line 11: `bumps`: this key is not understood"),
+        // The planes of the object and of the image: surfaces 0 and 3.
+        (
+            r#""radius": Infinity"#,
+            r#""radius": 30"#,
+            "line 10: `surface 0`: a plane has no radius; the one of the file is not kept",
+        ),
+        (
+            &format!(r#"{}, "radius": Infinity"#, cs("62")),
+            &format!(r#"{}, "radius": -80.0"#, cs("62")),
+            "line 16: `surface 3`: a plane has no radius; the one of the file is not kept",
+        ),
         (
             &glass("schott", "N-BK7"),
             r#"{"type": "AbbeMaterial", "index": 1.5168, "abbe": 64.2}"#,

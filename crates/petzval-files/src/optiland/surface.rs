@@ -165,7 +165,13 @@ impl<'a> RawSurface<'a> {
         };
         geometry.report_others(SHAPE_KEYS, losses);
         let radius = match kind {
-            "Plane" => f64::INFINITY,
+            "Plane" => {
+                if geometry.number("radius")?.is_some_and(f64::is_finite) {
+                    let message = "a plane has no radius; the one of the file is not kept";
+                    losses.add(geometry.line("radius"), name, Effect::Approximated, message);
+                }
+                f64::INFINITY
+            }
             _ => geometry.needed_number("radius")?,
         };
         if radius == 0.0 {
