@@ -50,6 +50,10 @@ pub(super) fn check_size(text: &str) -> Result<(), FileError> {
     Ok(())
 }
 
+/// The loss of an afocal image space.
+pub(super) const AFOCAL_IMAGE_SPACE: &str =
+    "afocal image space: the image plane stays where the file places it";
+
 /// Distance from which an object counts as infinitely far, mm: CODE V writes this number for infinity.
 pub(super) const FAR_MM: f64 = 1e10;
 

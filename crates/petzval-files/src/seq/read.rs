@@ -131,6 +131,8 @@ impl Reader {
             }
             "ZOO" => self.lose(&command.record, Effect::NoRay, "only the first zoom position is read"),
             "PIK" => self.lose(&command.record, Effect::NoRay, "the pickup is not kept, but its value is"),
+            // The default, which the program writes with aspheres.
+            "IC" if command.says_yes().is_ok_and(|yes| yes) => {}
             name if BOOKKEEPING.contains(&name) => {}
             name if is_surface_command(name) => {
                 let (surface, words) = self.target(command)?;

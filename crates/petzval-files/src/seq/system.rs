@@ -2,7 +2,7 @@
 
 use super::command::Command;
 use crate::decimal::shifted;
-use crate::draft::{Aperture, FieldKind, Fields, MOST_VALUES, Record, Wavelengths};
+use crate::draft::{AFOCAL_IMAGE_SPACE, Aperture, FieldKind, Fields, MOST_VALUES, Record, Wavelengths};
 use crate::loss::{Effect, Losses};
 use petzval_base::FileError;
 
@@ -82,6 +82,8 @@ impl System {
             "TEM" | "PRE" => {}
             "TEL" | "AFO" if !command.says_yes()? => {}
             "TEL" => self.telecentric = Some(command.record.clone()),
+            "AFI" if command.says_yes().is_ok_and(|yes| !yes) => {}
+            "AFI" => lose(Effect::Approximated, AFOCAL_IMAGE_SPACE),
             "AFO" => lose(Effect::Approximated, "afocal: the image plane stays where the file places it"),
             _ => return Ok(false),
         }

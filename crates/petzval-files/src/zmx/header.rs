@@ -1,7 +1,7 @@
 //! Reads the header of a file: title, units, aperture, fields, wavelengths.
 
 use super::record::{HEADER_BOOKKEEPING, Line};
-use crate::draft::{Aperture, FieldKind, Fields, MOST_VALUES, Record, Wavelengths};
+use crate::draft::{AFOCAL_IMAGE_SPACE, Aperture, FieldKind, Fields, MOST_VALUES, Record, Wavelengths};
 use crate::loss::{Effect, Losses};
 use petzval_base::FileError;
 
@@ -116,6 +116,9 @@ impl Header {
                     wave.1 = weight;
                 }
             }
+            "TELE" | "AFOC" if line.number(0)?.unwrap_or(0.0) == 0.0 => {}
+            "TELE" => self.telecentric = Some(line.record()),
+            "AFOC" => line.lose(losses, Effect::Approximated, AFOCAL_IMAGE_SPACE),
             "PWAV" => self.primary = Some((line.count(0)?, line.record())),
             known if HEADER_BOOKKEEPING.contains(&known) => {}
             _ => line.lose(losses, Effect::NotUnderstood, "this record is not understood"),
@@ -188,8 +191,7 @@ impl Header {
             return Err(line.error(format!("a lens with more than {MOST_VALUES} fields is not read")));
         }
         if line.number(6)?.unwrap_or(0.0) != 0.0 {
-            let message = "afocal image space: the image plane stays where the file places it";
-            line.lose(losses, Effect::Approximated, message);
+            line.lose(losses, Effect::Approximated, AFOCAL_IMAGE_SPACE);
         }
         if self.fields_at.line == 0 {
             self.fields_at = line.record();

@@ -11,7 +11,7 @@ use petzval_optics::glass::Catalog;
 /// Records of a surface. In a file without indentation they belong to the last surface.
 const SURFACE_RECORDS: &[&str] = &[
     "TYPE", "CURV", "CONI", "PARM", "XDAT", "DISZ", "GLAS", "DIAM", "STOP", "COMM", "CLAP", "FLAP", "SQAP",
-    "ELAP", "OBSC", "SQOB", "ELOB", "OBDC", "SCBD", "UDAD", "SPID",
+    "ELAP", "OBSC", "SQOB", "ELOB", "OBDC", "SCBD", "UDAD", "SPID", "IGNR",
 ];
 
 /// Records that begin the part after the surfaces.

@@ -131,6 +131,12 @@ impl<'a> RawSurface<'a> {
                     self.turned = Some(line);
                 }
             }
+            "IGNR" if line.number(0)?.unwrap_or(1.0) == 0.0 => {}
+            "IGNR" => {
+                let message = "an ignored surface is not read: whether its thickness counts is not known";
+                let hint = "delete the surface in OpticStudio, or write IGNR 0 if light meets it";
+                return Err(line.error(message).hint(hint));
+            }
             known if SURFACE_BOOKKEEPING.contains(&known) => {}
             known if SOLVES.contains(&known) => report_solve(&line, losses),
             known => {

@@ -38,6 +38,9 @@ fn records_that_cannot_be_traced_are_refused_with_their_line() {
         ("ENPD 10", "ENPD 10\nFNUM 4", &["line 6: `FNUM 4`", "line 5 already gives"]),
         ("ENPD 10\n", "", &["no aperture", "ENPD"]),
         ("FTYP 0 0", "FTYP 0 1", &["line 6", "telecentric", "near object"]),
+        ("ENPD 10", "ENPD 10\nTELE 1", &["line 6: `TELE 1`", "telecentric", "near object"]),
+        ("  STOP\n", "  STOP\n  IGNR 1\n", &["line 14: `IGNR 1`", "an ignored surface", "IGNR 0"]),
+        ("  STOP\n", "  STOP\nIGNR 1\n", &["line 14: `IGNR 1`", "an ignored surface"]),
         ("FTYP 0 0", "FTYP 4 0", &["line 6", "type 4"]),
         ("YFLN 0 2", "YFLN 0 180", &["line 7", "180 degrees"]),
         ("0.5876 1", "587.6 1", &["line 8", "not optical"]),
@@ -168,6 +171,32 @@ fn lost_records_are_reported_with_line_and_effect() {
         (13, "ZOO THI S2 1 2", Effect::NoRay),
     ];
     assert_eq!(found, expected);
+}
+
+/// An afocal image space is named in every way that a file states it. A record that changes nothing is no loss.
+#[test]
+fn afocal_image_spaces_are_approximated_and_defaults_are_no_loss() {
+    let of = |import: Import| -> Vec<_> {
+        import.losses.into_iter().map(|loss| (loss.record, loss.effect, loss.message)).collect()
+    };
+    let of_zmx = |to: &str| of(zmx(&changed(ZMX, "ENPD 10", &format!("ENPD 10\n{to}"))));
+    let of_seq = |to: &str| of(seq(&changed(SEQ, "  CIR 6", &format!("  CIR 6\n{to}"))));
+    for (record, found) in [
+        ("AFOC 1", of_zmx("AFOC 1")),
+        ("FTYP 0 0 2 1 0 0 1", of(zmx(&changed(ZMX, "FTYP 0 0 2 1 0 0 0", "FTYP 0 0 2 1 0 0 1")))),
+        ("AFI", of_seq("AFI")),
+        ("AFI 0.5", of_seq("AFI 0.5")),
+    ] {
+        let [(text, effect, message)] = &found[..] else { panic!("{record}: {found:?}") };
+        assert_eq!((text.as_str(), *effect), (record, Effect::Approximated));
+        assert!(message.contains("afocal image space"), "{message}");
+    }
+    let still_there = of(zmx(&changed(ZMX, "  STOP\n", "  STOP\n  IGNR 0\n")));
+    for found in [of_zmx("TELE 0\nAFOC 0"), still_there, of_seq("IC Yes; AFI N")] {
+        assert!(found.is_empty(), "{found:?}");
+    }
+    // What it changes is not known.
+    assert_eq!(of_seq("IC No")[0].1, Effect::NotUnderstood);
 }
 
 /// An unknown record between surfaces is reported, and every surface is kept.
