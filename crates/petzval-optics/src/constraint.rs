@@ -83,7 +83,7 @@ pub enum Constraint {
         /// Greatest distance, mm.
         most_mm: f64,
     },
-    /// Greatest clear diameter of a surface.
+    /// Greatest clear diameter of a surface, mount included. The stop has no mount.
     ClearDiameter {
         /// Surface.
         surface: usize,
@@ -255,7 +255,8 @@ impl Constraint {
                 if let Some((bar, g)) = pull {
                     clear.pull_back(surface, bar, g)?;
                 }
-                Some(clear.radius_mm(surface) - 0.5 * most_mm)
+                let mount_mm = if surface == lens.stop { 0.0 } else { clear.mount_mm() };
+                Some(clear.radius_mm(surface) + mount_mm - 0.5 * most_mm)
             }
             Self::Distortion { field_rad, share } => {
                 let sequence = sequence();

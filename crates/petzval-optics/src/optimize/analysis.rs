@@ -70,6 +70,16 @@ impl Analysis {
         lens
     }
 
+    /// The constraints that are violated, and by how much, mm; clear diameters are those of [`Analysis::fitted_lens`], which passes the beams of all
+    /// fields and wavelengths of the file.
+    pub fn violations_as_written(&self, problem: &Problem, fitted: &Lens) -> Vec<(Constraint, f64)> {
+        let is_diameter = |what: &Constraint| matches!(what, Constraint::ClearDiameter { .. });
+        let others = self.violations.iter().filter(|(what, _)| !is_diameter(what)).copied();
+        let diameters = problem.constraints().into_iter().filter(is_diameter);
+        let excess = |what: Constraint| Some((what, what.excess_mm(fitted, &SemiDiameters(fitted))?));
+        others.chain(diameters.filter_map(excess).filter(|(_, excess_mm)| *excess_mm > 0.0)).collect()
+    }
+
     /// RMS spot of each field of [`Analysis::fitted_lens`] through its clear apertures, um; `None` if the problem keeps none, or if a field has no light.
     pub fn rms_through_apertures_um(&self, problem: &Problem, fitted: &Lens) -> Option<Vec<f64>> {
         if !problem.keeps_apertures() {

@@ -63,7 +63,7 @@ pub struct Limits {
     pub back_focal_mm: Option<[f64; 2]>,
     /// Greatest distance between any two of the vertices and the image plane.
     pub track_mm: Option<f64>,
-    /// Greatest clear diameter: no ray of any field may need more.
+    /// Greatest clear diameter of any surface, with the margin of the mount beyond the beams.
     pub clear_diameter_mm: Option<f64>,
     /// Greatest distortion of the outermost field, a share of its ideal image height.
     pub distortion: Option<f64>,

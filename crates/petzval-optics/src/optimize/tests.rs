@@ -485,7 +485,7 @@ fn bounds_and_limits_are_kept() {
         air_gap_mm: Some(0.5),
         back_focal_mm: Some([24.0, 24.3]),
         track_mm: Some(47.0),
-        clear_diameter_mm: Some(14.6),
+        clear_diameter_mm: Some(14.8),
         distortion: Some(0.05),
         slope_rad: Some(0.9),
         chief_ray_angle_rad: Some(0.28),
@@ -503,6 +503,33 @@ fn bounds_and_limits_are_kept() {
     let vertices = lens.total_track_mm() - lens.image_distance_mm();
     assert!((vertices - 22.1).abs() < 1e-12);
     assert_eq!(lens.surfaces[3].shape.curvature, -lens.surfaces[2].shape.curvature);
+}
+
+/// The limit of clear diameters is that of the semi-diameters which a file gets: with the margin of the mount, which the stop has not.
+#[test]
+fn clear_diameters_are_limited_as_they_are_written() {
+    const MOST_MM: f64 = 1.0;
+    let limits = Limits { clear_diameter_mm: Some(MOST_MM), ..Limits::default() };
+    let base = nominal_triplet();
+    let problem = Problem { limits, ..Problem::new(base.clone()) };
+    let analysis = analyse(&problem, base.clone(), None).unwrap();
+    let written = analysis.fitted_lens(&problem);
+    assert_eq!(analysis.violations.len(), written.surfaces.len());
+    for (surface, s) in written.surfaces.iter().enumerate() {
+        let limit = Constraint::ClearDiameter { surface, most_mm: MOST_MM };
+        let (_, excess_mm) = analysis.violations.iter().find(|(what, _)| *what == limit).unwrap();
+        let beyond_mm = s.semi_diameter_mm - 0.5 * MOST_MM;
+        assert!((excess_mm - beyond_mm).abs() < 1e-6, "surface {surface}: {excess_mm} {beyond_mm}");
+    }
+    assert_eq!(analysis.violations_as_written(&problem, &written).len(), written.surfaces.len());
+    // Fields that the problem leaves out make the surfaces of the file wider: the limit counts there too.
+    let narrow = SpotResiduals { fields_rad: vec![0.0], field_weights: vec![1.0], ..problem.merit.clone() };
+    let on_axis = Problem { merit: narrow, ..problem };
+    let analysis = analyse(&on_axis, base, None).unwrap();
+    let written = analysis.fitted_lens(&on_axis);
+    let excess_mm = |found: &[(Constraint, f64)]| found.iter().fold(0.0_f64, |most, (_, mm)| most.max(*mm));
+    assert!(excess_mm(&analysis.violations) < 3.0);
+    assert!(excess_mm(&analysis.violations_as_written(&on_axis, &written)) > 6.0);
 }
 
 /// A lens whose front stop stands at the rim of its first surface is usual for telephones.

@@ -41,7 +41,7 @@ pub struct Figures {
     pub magnification: Option<f64>,
     /// Length with the image plane, mm, see [`petzval_optics::lens::Lens::axis_length_mm`].
     pub track_to_the_image_mm: f64,
-    /// Largest diameter of a surface that the beams need, mm.
+    /// Largest clear diameter of a surface, mm: what the beams need, and the margin of the mount.
     pub largest_clear_diameter_mm: f64,
     /// Distortion at the outermost field; `None` without such a field, or without rotational symmetry.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -131,6 +131,7 @@ impl Figures {
         let sequence = lens.at_wavelength(lens.reference_um);
         let order = first_order(&sequence);
         let widest = clear.surfaces.iter().fold(0.0_f64, |w, s| w.max(2.0 * s.semi_diameter_mm));
+        let violations = analysis.violations_as_written(problem, &clear);
         let outermost = problem.merit.outermost_field_rad();
         let chief = (outermost != 0.0 && lens.is_rotationally_symmetric())
             .then(|| chief_ray(&sequence, outermost))
@@ -157,7 +158,7 @@ impl Figures {
             track_to_the_image_mm: lens.axis_length_mm(),
             largest_clear_diameter_mm: widest,
             distortion_percent: distortion.map(|share| 100.0 * share).and_then(finite),
-            violations_mm: analysis.violations.iter().map(|(what, mm)| (what.to_string(), *mm)).collect(),
+            violations_mm: violations.into_iter().map(|(what, mm)| (what.to_string(), mm)).collect(),
         }
     }
 }
