@@ -62,6 +62,19 @@ pub enum SfrError {
         /// Largest deviation of a side from its level, of the step.
         deviation: f64,
     },
+    /// A weaker step lies beside the edge: a ghost, a reflection, a faint second edge.
+    #[error(
+        "a second step of {:.1} % of the edge, as sharp as it, {:.0} pixels on its {} side: a ghost, a reflection or another edge, which is no change of the light; choose a window without it",
+        100.0 * .share.abs(),
+        .distance_px.abs(),
+        if *.distance_px < 0.0 { Side::Dark.name() } else { Side::Bright.name() }
+    )]
+    Ghost {
+        /// Its distance from the edge, pixels; negative on the dark side.
+        distance_px: f64,
+        /// Its step, of that of the edge; negative if the light falls there.
+        share: f64,
+    },
     /// A side ends at one value.
     #[error("the {} side is clipped: {:.0} % of its pixels have the same value, while the edge has noise or ends abruptly", .side.name(), 100.0 * .share)]
     Clipped {
@@ -89,6 +102,9 @@ impl SfrError {
     pub fn of_frame(self, pitch: usize) -> Self {
         match self {
             Self::Angle { deg, gap_px } => Self::Angle { deg, gap_px: pitch as f64 * gap_px },
+            Self::Ghost { distance_px, share } => {
+                Self::Ghost { distance_px: pitch as f64 * distance_px, share }
+            }
             other => other,
         }
     }

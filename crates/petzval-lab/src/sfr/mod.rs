@@ -3,7 +3,7 @@
 //! ```text
 //! pixels -> the straight step that explains most -> path of the edge: a line or a curve, by all pixels
 //!     -> light of both sides, and what changes across the region -> distance of every pixel from the path
-//!     -> spline through all pixels: edge spread function -> defects left out, path refined
+//!     -> spline through all pixels: edge spread function -> defects left out, path refined -> no second step beyond the blur
 //!     -> derivative: line spread function -> window -> Fourier transform -> SFR, with standard errors
 //! ```
 //!
@@ -18,6 +18,7 @@ mod defects;
 mod error;
 mod estimate;
 mod fit;
+mod ghost;
 mod light;
 mod limits;
 mod path;
@@ -98,6 +99,7 @@ pub fn slanted_edge(plane: &Plane, window: &Window) -> Result<EdgeResponse, SfrE
     let profile = profile_of(&region, &guess)?;
     profile.check_sides()?;
     clipping::check(&profile)?;
+    profile.check_ghost()?;
     let sfr = profile.sfr();
     profile.check_sampling(&sfr)?;
     let [undershoot, overshoot] = profile.beyond_levels();

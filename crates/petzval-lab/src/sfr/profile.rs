@@ -9,6 +9,7 @@ use super::defects::marked;
 use super::error::SfrError;
 use super::estimate::Estimate;
 use super::fit::Fit;
+use super::ghost::{Beside, Ghost};
 use super::limits::{LARGEST_GAP_PX, LEAST_HALF, MOST_LEFT_OUT};
 use super::path::Path;
 use super::place::Sample;
@@ -411,6 +412,22 @@ impl<'a> Profile<'a> {
             .map(|[sum, count]| (sum / count).abs() - NOISE_SIGMAS * noise / count.sqrt())
             .fold(0.0, f64::max);
         if deviation > LARGEST_DEVIATION { Err(SfrError::Uneven { deviation }) } else { Ok(()) }
+    }
+
+    /// Refuses an edge with a weaker step beside it, which would pass for light that changes.
+    pub fn check_ghost(&self) -> Result<(), SfrError> {
+        let beside = Beside {
+            blur_px: self.blur_px,
+            far_px: self.far(),
+            half_px: self.half() as f64,
+            step: self.step(),
+            height: self.region.height as f64,
+            bands: self.bands,
+        };
+        match beside.ghost(&self.samples) {
+            Some(Ghost { distance_px, share }) => Err(SfrError::Ghost { distance_px, share }),
+            None => Ok(()),
+        }
     }
 
     /// Largest gap between the distances at which pixels sample the blur, pixels. Frequencies to half of its inverse are sampled without ambiguity.

@@ -609,3 +609,30 @@ fn two_edges_and_corners_are_refused() {
         assert!(matches!(found, Err(SfrError::Uneven { .. })), "{name}: {found:?}");
     }
 }
+
+#[test]
+fn a_ghost_of_the_edge_is_refused_and_smooth_light_is_not() {
+    let one = edge(5.0, SIGMA);
+    let whole = |values: &[f32]| Edge::at(5.0, SIGMA).measured(values);
+    for (offset, share) in [(20.0, 0.06), (-20.0, 0.06), (17.0, -0.05), (20.0, 0.03)] {
+        let other = Edge { offset, ..Edge::at(5.0, SIGMA) }.light();
+        let with_ghost: Vec<f32> = one.iter().zip(&other).map(|(a, b)| a + share * (b - 0.2)).collect();
+        // Noise of a hundredth of the step.
+        let found = whole(&with_noise(&with_ghost, 0.006, 4));
+        let Err(SfrError::Ghost { distance_px, share: of_edge }) = found else {
+            panic!("{offset}, {share}: {found:?}")
+        };
+        assert!((distance_px - offset).abs() < 2.0, "{offset}: {distance_px}");
+        assert!((of_edge - f64::from(share)).abs() < 0.02, "{share}: {of_edge}");
+    }
+    // Light that falls by as much as these, and more, over the window; a wide halo.
+    let falls = |i: usize| 1.0 - 0.3 * ((i % SIDE) as f32 / SIDE as f32).powi(2);
+    let halo = Edge::at(5.0, 8.0).light();
+    let lit: Vec<f32> = one.iter().enumerate().map(|(i, v)| v * falls(i)).collect();
+    let with_halo: Vec<f32> = one.iter().zip(&halo).map(|(a, b)| 0.9 * a + 0.1 * b).collect();
+    for picture in [&one, &lit, &with_halo] {
+        let found = whole(&with_noise(picture, 0.006, 5));
+        assert!(!matches!(found, Err(SfrError::Ghost { .. })), "{found:?}");
+    }
+    assert!(whole(&with_noise(&one, 0.006, 5)).is_ok());
+}
