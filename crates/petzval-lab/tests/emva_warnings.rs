@@ -1,7 +1,7 @@
 //! The texts of all warnings, compared with stored ones: users and programs search for them.
 
 use petzval_camera::sensor::Colour;
-use petzval_lab::emva::{FitTest, Measured, Unresolved, Verdict, Warning};
+use petzval_lab::emva::{Compression, FitTest, Measured, SharedNoise, Unresolved, Verdict, Warning};
 
 /// At least one warning of each kind, and one for each variant of its text.
 fn examples() -> Vec<Warning> {
@@ -15,6 +15,13 @@ fn examples() -> Vec<Warning> {
         test: FitTest { reduced_chi2: 3.456, curvature_sigmas, verdict, ..FitTest::untested(9, 7) },
         model_share,
         cause,
+    };
+    let found = Compression { low_step_dn: 1.0, high_step_dn: 31.07, gain_error_dn_per_e: 0.0271 };
+    let steps = |percent| Warning::Compressed { linear_gain, colour, found, percent };
+    let shares = |[along_rows, along_columns, diagonal]: [f64; 3], between_frames| Warning::SharedNoise {
+        linear_gain,
+        colour,
+        found: SharedNoise { along_rows, along_columns, diagonal, between_frames },
     };
     vec![
         Warning::Saturated { linear_gain, points: 3, of: 9 },
@@ -97,6 +104,13 @@ fn examples() -> Vec<Warning> {
         departs("gain 2, red", Verdict::Withdrawn, Some(5.678), Some(0.1), Some("hot pixels fill")),
         departs("gain 2, red", Verdict::Widened, None, Some(0.01234), None),
         Warning::LoneStack { point: point() },
+        shares([0.12, 0.11, 0.0], 0.0),
+        shares([0.02, 0.0, 0.0], 0.02),
+        shares([-0.1, 0.0, 0.0], 0.0),
+        Warning::Clamped { point: point(), level_dn: 97, share: 0.01234 },
+        steps(Some(6.78)),
+        steps(None),
+        Warning::RowFlicker { linear_gain, colour, points: 7, percent: 6.78 },
     ]
 }
 
@@ -141,9 +155,13 @@ fn points_and_severities_stay_as_stored() {
             ("histogram-fit-differs", ((0.1234567_f64 - 0.2345678) / 0.0123456).abs()),
             ("quantum-efficiency-above-one", 106.78),
             ("fit-departs", f64::INFINITY),
+            ("shared-noise", 1.0 + 2.0 * (0.12 + 0.11) - 1.0),
+            ("clamped", 0.01234),
+            ("compressed", 31.07),
+            ("row-flicker", 6.78),
         ]
     );
     let placed: Vec<&str> = Warning::NAMES.iter().copied().filter(|n| of(n).point().is_some()).collect();
-    let stored = "clipped-at-zero flicker moved light-leak not-uniform no-dark no-signal not-monotonic dark-tail more-stacks lone-stack";
+    let stored = "clipped-at-zero flicker moved light-leak not-uniform no-dark no-signal not-monotonic dark-tail more-stacks lone-stack clamped";
     assert_eq!(placed.join(" "), stored);
 }

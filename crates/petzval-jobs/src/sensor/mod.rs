@@ -56,6 +56,9 @@ impl From<CaptureError> for JobError {
             CaptureError::NoLight { .. } => {
                 "check that light reached the sensor, and that the frames are those of the list"
             }
+            CaptureError::AllSaturated { moved: 1.., .. } => {
+                "use a light that does not flicker and leave camera and target alone, so that the darker points count"
+            }
             CaptureError::AllSaturated { .. } => {
                 "add flat points of less light or shorter exposure: K is measured below 70 % of saturation"
             }

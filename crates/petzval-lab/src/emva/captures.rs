@@ -242,12 +242,16 @@ pub enum CaptureError {
         points: usize,
     },
     /// Every flat point is saturated.
-    #[error("{}: all {points} flat points are clipped or above 70 % of saturation", list.display())]
+    #[error("{}: {}", list.display(), all_saturated(*points, *moved, *clipped))]
     AllSaturated {
         /// The list of captures.
         list: PathBuf,
         /// Flat points with dark ones.
         points: usize,
+        /// Flat points that were left out because something moved.
+        moved: usize,
+        /// Flat points that were left out because they are clipped at zero.
+        clipped: usize,
     },
     /// Another series is in the folder.
     #[error("{}: the folder holds another series of captures ({what})", path.display())]
@@ -271,6 +275,21 @@ pub enum CaptureError {
         /// What is wrong.
         problem: String,
     },
+}
+
+fn all_saturated(points: usize, moved: usize, clipped: usize) -> String {
+    let of_moved = (moved > 0).then(|| {
+        format!(", {moved} because their frames differ in a part of the picture (the light flickers or something moved)")
+    });
+    let of_clipped = (clipped > 0).then(|| format!(", {clipped} because they are clipped at zero"));
+    let reasons: String = of_moved.into_iter().chain(of_clipped).collect();
+    let end = "are clipped or above 70 % of saturation";
+    match moved + clipped {
+        0 => format!("all {points} flat points {end}"),
+        left_out => {
+            format!("{left_out} of {} flat points are left out{reasons}; all others {end}", points + left_out)
+        }
+    }
 }
 
 impl Captures {

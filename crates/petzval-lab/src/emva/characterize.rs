@@ -15,7 +15,7 @@ use super::gain_lines::{block_lines_dn2, line_models, models_of};
 use super::histogram_fit::fit_histograms;
 use super::hot_pixels::dark_ends;
 use super::joint::{GainInput, joint_fit};
-use super::measured::Unresolved;
+use super::measured::{Measured, Unresolved};
 use super::point::{Moments, PointStatistics, reduce};
 use super::result::{Characterization, GainResult, Options};
 use super::samples::{Samples, clip_dn};
@@ -75,7 +75,13 @@ pub fn characterize(
     check_usable(captures, &gains, &flags)?;
 
     // Fit all gains together, then the histograms.
-    let inputs: Vec<GainInput<'_>> = gains.iter().map(|gain| input(captures, gain)).collect();
+    // A filter over time is a setting of the camera: gains without a stack cannot show it.
+    let is_filtered = |gain: &GainResult| {
+        let mut shared = gain.channels.iter().filter_map(|channel| channel.transfer.shared_noise);
+        shared.any(|shared| shared.between_frames != 0.0 && shared.is_far())
+    };
+    let is_filtered = gains.iter().any(is_filtered);
+    let inputs: Vec<GainInput<'_>> = gains.iter().map(|gain| input(captures, gain, is_filtered)).collect();
     let lowest = captures.gains().first().and_then(|gain| captures.black_level_dn(*gain));
     let joint = joint_fit(&inputs, lowest);
     let compared = &|| done(Done::Histogram);
@@ -225,15 +231,16 @@ fn captured(
     }
 }
 
-/// The input of one gain to the joint fit.
-fn input<'a>(captures: &Captures, gain: &'a GainResult) -> GainInput<'a> {
+/// The input of one gain to the joint fit; without K if the frames are filtered over time.
+fn input<'a>(captures: &Captures, gain: &'a GainResult, is_filtered: bool) -> GainInput<'a> {
+    let of_filtered = is_filtered.then_some(Measured::none(Unresolved::SharedNoise));
     GainInput {
         linear_gain: gain.linear_gain,
         black_shift_dn: captures.black_shift_dn(gain.linear_gain),
         gains: gain
             .channels
             .iter()
-            .map(|c| (c.transfer.gain_dn_per_e, c.transfer.gain_test.model_error))
+            .map(|c| (of_filtered.unwrap_or(c.transfer.gain_dn_per_e), c.transfer.gain_test.model_error))
             .collect(),
         dark: &gain.dark,
         line_noise: gain.line_noise,

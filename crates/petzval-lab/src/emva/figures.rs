@@ -319,13 +319,22 @@ fn non_uniformity(basis: &Basis<'_>, k: Measured, ours: bool) -> NonUniformityFi
         let (dark, flat) = (plain(&s.dark), plain(&s.flat));
         (dark, std::array::from_fn(|i| flat[i].minus(dark[i])))
     };
-    let root = |m: Measured| if ours { m.if_above_noise().root() } else { m.root() };
+    let root = |m: Measured| if ours { without_filter(basis, m.if_above_noise().root()) } else { m.root() };
     let signal_dn = s.flat.mean_dn - s.dark.mean_dn;
     let percent = |m: Measured| m.map(|v| 100.0 * v / signal_dn, |_| 100.0 / signal_dn);
     NonUniformityFigures {
         dsnu_e: std::array::from_fn(|i| root(dark[i]).over(k)),
         dsnu_dn: root(dark[0]),
         prnu_percent: std::array::from_fn(|i| percent(root(light[i]))),
+    }
+}
+
+/// A spread of pixels. A filter of the frames in the camera takes as much of it as of the noise, which is an error, or withdraws it.
+fn without_filter(basis: &Basis<'_>, spread: Measured) -> Measured {
+    match basis.ours.shared_noise.filter(|shared| shared.is_spatial()) {
+        None => spread,
+        Some(shared) if shared.is_far() => Measured::none(Unresolved::SharedNoise),
+        Some(shared) => spread.with_error(0.5 * shared.missing_share() * spread.value().unwrap_or(0.0)),
     }
 }
 

@@ -39,6 +39,12 @@ impl NamedFit {
 const OTHER_FILTERS: &str =
     "as if the pixels have colour filters of another mosaic; if so, state it in `cfa`";
 
+/// The cause of a K that is no number of the sensor although its points lie on their line. It has a warning of its own.
+pub(super) const SHARED_NOISE: &str = "pixels or frames share noise";
+
+/// The cause of a K whose error contains the steps between compressed numbers. It has a warning of its own.
+pub(super) const COMPRESSED: &str = "the digital numbers are compressed";
+
 /// Every fit, those of all gains first.
 pub fn fits(found: &Characterization) -> Vec<NamedFit> {
     let share = |test: &FitTest, value: Option<f64>| {
@@ -87,7 +93,9 @@ pub fn fits(found: &Characterization) -> Vec<NamedFit> {
         for channel in &gain.channels {
             let (colour, transfer) = (Some(channel.colour), &channel.transfer);
             let bends = transfer.straightened_gain_dn_per_e.map(|_| "the response bends over the light");
-            add("K", colour, transfer.gain_test, transfer.gain_dn_per_e.value(), bends);
+            let compressed = transfer.compression.map(|_| COMPRESSED);
+            let cause = transfer.shared_noise.map(|_| SHARED_NOISE).or(compressed).or(bends);
+            add("K", colour, transfer.gain_test, transfer.gain_dn_per_e.value(), cause);
             if let Some(test) = transfer.responsivity_test {
                 add("R", colour, test, transfer.responsivity_dn.value(), None);
             }

@@ -6,6 +6,7 @@
 //! | flag | evidence | a point with it |
 //! |---|---|---|
 //! | clipped at zero | samples pile up at digital number 0 | is not used for K and the dark series: its mean and noise are biased |
+//! | clamped | dark samples pile up at the lower end of their noise | is not used for K and the dark series, as above |
 //! | moved | a part of a frame differs from the other frames | is not used for K and the dark series |
 //! | flicker | whole frames differ from each other | is used: the differences are subtracted from the noise |
 //! | light leak, uneven | parts of the mean frame differ, defect pixels left out | is used |
@@ -37,6 +38,8 @@ pub struct FrameFlags {
     pub label: String,
     /// Share of the samples at digital number 0, if the distribution is cut off there.
     pub clipped_at_zero: Option<f64>,
+    /// Dark samples are cut off from below at a digital number above 0.
+    pub clamped: Option<Clamp>,
     /// The means of the frames differ by more than noise.
     pub flicker: Option<Flicker>,
     /// A part of one frame differs from the other frames by more than noise.
@@ -47,6 +50,15 @@ pub struct FrameFlags {
     pub uneven_percent: Option<f64>,
     /// By how much pixels of one colour differ by their place in a tile of 4x4 pixels, percent of the signal, if it is more than noise and 10 %.
     pub other_filters_percent: Option<f64>,
+}
+
+/// Where dark samples are cut off from below.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Clamp {
+    /// Digital number.
+    pub level_dn: u32,
+    /// Share of the samples there.
+    pub share: f64,
 }
 
 /// Means of frames that differ.
@@ -78,12 +90,33 @@ pub struct GainFlags {
     pub flats: Vec<FlatFlags>,
     /// Flat stacks in the order of the list.
     pub stacks: Vec<StackFlags>,
+    /// Flat points that are not used because of their own frames.
+    pub left_out: LeftOutFlats,
     /// Pixels that the dark series leaves out, and what that changes at its shortest exposure.
     pub dark_defects: LeftOut,
     /// The colour filter array.
     pub cfa: String,
     /// Levels of the shortest dark frames by the place of a pixel in the tile, row by row, DN, if they differ.
     pub tile_levels_dn: Option<Vec<f64>>,
+}
+
+/// Flat points of one gain that are not used because of their own frames.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct LeftOutFlats {
+    /// Those in which something moved.
+    pub moved: usize,
+    /// Those that are clipped at zero.
+    pub clipped: usize,
+}
+
+impl LeftOutFlats {
+    /// Counts the points of these flags; one that is clipped counts as that.
+    pub(super) fn of<'a>(flats: impl Iterator<Item = &'a FrameFlags>) -> Self {
+        flats.filter(|flags| !flags.is_usable()).fold(Self::default(), |found, flags| {
+            let clipped = usize::from(!flags.is_whole());
+            Self { moved: found.moved + 1 - clipped, clipped: found.clipped + clipped }
+        })
+    }
 }
 
 /// A flat point, compared with its dark frames and the other flat points.
@@ -158,6 +191,7 @@ impl FrameFlags {
         Self {
             label: point.label(),
             clipped_at_zero: found.all.is_clipped_at_zero().then_some(found.all.share_at_zero),
+            clamped: clamp(found).filter(|_| point.kind == Kind::Dark),
             flicker: flicker(found, &deviations, drift_dn),
             moved: movement(found, &deviations, drift_dn, block_lines_dn2).filter(|_| !is_full),
             light_leak_dn: light_leak_dn(found, block_lines_dn2).filter(|_| point.kind == Kind::Dark),
@@ -169,7 +203,12 @@ impl FrameFlags {
 
     /// Whether mean and noise of the frames are unbiased.
     pub fn is_usable(&self) -> bool {
-        self.clipped_at_zero.is_none() && self.moved.is_none()
+        self.is_whole() && self.moved.is_none()
+    }
+
+    /// Whether the noise of the frames is not cut off from below.
+    pub fn is_whole(&self) -> bool {
+        self.clipped_at_zero.is_none() && self.clamped.is_none()
     }
 }
 
@@ -215,6 +254,13 @@ impl Deviations {
         let columns_dn = (0..BLOCKS).map(|column| subtract_median(&|i| i % BLOCKS == column)).collect();
         Self { whole_dn, rows_dn, columns_dn, blocks_dn }
     }
+}
+
+/// The number at which all samples are cut off from below.
+fn clamp(found: &PointStatistics) -> Option<Clamp> {
+    let (level_dn, histogram) = (found.all.clamp_dn()?, &found.all.histogram);
+    let share = histogram.at(level_dn.into()) as f64 / histogram.total() as f64;
+    Some(Clamp { level_dn, share })
 }
 
 /// Finds frames of one setting whose means differ by more than noise and a small drift.

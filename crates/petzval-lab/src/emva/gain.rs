@@ -1,16 +1,19 @@
 //! One linear gain: selects its points by their flags and evaluates them colour by colour.
 
 use super::captures::{Captures, Kind, Point};
+use super::compressed::{growing_steps, step_variance_dn2};
+use super::counts::Counts;
 use super::dark::{DarkPoint, dark_series};
 use super::figures::{Basis, figures};
-use super::flags::{FlaggedPoint, FlatFlags, GainFlags, Signal, StackFlags, StackUse};
+use super::flags::{FlaggedPoint, FlatFlags, GainFlags, LeftOutFlats, Signal, StackFlags, StackUse};
 use super::gain_lines::dark_line_noise;
 use super::hot_pixels::of_dark_ends;
 use super::line_noise::LineNoise;
-use super::measured::Measured;
+use super::measured::{Measured, Unresolved};
 use super::point::{Moments, PointStatistics};
 use super::result::{ChannelResult, GainResult, Options};
 use super::rounding::Steps;
+use super::shared_noise::{NeighbourNoise, SharedNoise};
 use super::spatial::{Stacks, spatial};
 use super::tile_levels::tile_levels_dn;
 use super::transfer::photon_transfer;
@@ -30,6 +33,7 @@ pub fn evaluate_gain(
     // Select the points with unbiased mean and noise; sort the flat ones by ascending light.
     let mut flats = temporal(points, Kind::Flat);
     flats.sort_by(by_light);
+    let left_out = LeftOutFlats::of(flats.iter().map(|p| &p.flags));
     flats.retain(|p| p.flags.is_usable());
     let mut darks = temporal(points, Kind::Dark);
     darks.retain(|p| p.flags.is_usable());
@@ -67,13 +71,25 @@ pub fn evaluate_gain(
     let hot = of_pixels.map_or(&[][..], |of| &of.outlier_pixels);
     let bright = of_pixels.map_or(&[][..], |of| &of.bright_pixels);
     let (stacks, stack_flags) = stacks(points, hot, bright);
+    let is_usable_stack =
+        |p: &&FlaggedPoint<'_>| p.point.kind == Kind::Flat && p.point.is_stack() && p.flags.is_usable();
+    let flat_stack = points.iter().find(is_usable_stack).map(|p| &p.found);
+    let selected = Selected { pairs, darks, stacks, flat_stack };
     let channels: Vec<ChannelResult> = captures
         .sensor
         .cfa
         .colours()
         .into_iter()
-        .filter_map(|colour| channel(captures, options, colour, &pairs, &darks, stacks.as_ref(), clip_dn))
+        .filter_map(|colour| channel(captures, options, colour, &selected, clip_dn))
         .collect();
+    // What a filter takes from the noise of pixels passes for noise of rows and columns.
+    let is_filtered = |c: &ChannelResult| c.transfer.shared_noise.is_some_and(|shared| shared.is_spatial());
+    let line_noise = if channels.iter().any(is_filtered) {
+        let none = Measured::none(Unresolved::SharedNoise);
+        LineNoise { row_dn2: none, column_dn2: none, pixel_dn2: none }
+    } else {
+        line_noise
+    };
 
     // Flag the points that the photon transfer found saturated, or darker than a point with less light.
     let lit = flat_flags.iter_mut().filter(|flat| flat.signal == Signal::Above);
@@ -84,7 +100,15 @@ pub fn evaluate_gain(
     let frames = points.iter().map(|p| p.flags.clone()).collect();
     (
         GainResult { linear_gain, dark, line_noise, pixel_dark_currents, channels },
-        GainFlags { frames, flats: flat_flags, stacks: stack_flags, dark_defects, cfa, tile_levels_dn },
+        GainFlags {
+            frames,
+            flats: flat_flags,
+            stacks: stack_flags,
+            left_out,
+            dark_defects,
+            cfa,
+            tile_levels_dn,
+        },
     )
 }
 
@@ -180,14 +204,50 @@ fn stacks<'p>(
     (chosen, flags)
 }
 
+/// The points of a gain that are evaluated.
+struct Selected<'a> {
+    /// Light ascending.
+    pairs: Vec<Pair<'a>>,
+    /// Usable dark points of any exposure time.
+    darks: Vec<&'a FlaggedPoint<'a>>,
+    /// The stacks of the non-uniformity.
+    stacks: Option<Stacks<'a>>,
+    /// A flat stack in which nothing moves.
+    flat_stack: Option<&'a PointStatistics>,
+}
+
+/// The digital numbers of all pairs of points.
+fn all_counts(colour: Colour, selected: &Selected<'_>) -> Counts {
+    let points = selected.pairs.iter().flat_map(|pair| [pair.flat, pair.dark]);
+    let of_colour = points.filter_map(|point| point.colour(colour));
+    of_colour.fold(Counts::default(), |all, moments| all.merge(&moments.histogram))
+}
+
+/// Noise that pixels or frames of one colour share. Of the points within the photon transfer, and of the stack, those count whose noise is mostly
+/// that of light: the readout of one pixel may leave noise in the next exposure.
+fn shared_noise(
+    colour: Colour,
+    selected: &Selected<'_>,
+    points: &[TransferPoint],
+    used: usize,
+) -> Option<SharedNoise> {
+    let is_light = |variance_dn2: f64, dark_dn2: f64| variance_dn2 > 2.0 * dark_dn2;
+    let of_point = |(pair, point): (&Pair<'_>, &TransferPoint)| {
+        let is_lit = is_light(point.variance_dn2, point.dark_variance_dn2);
+        pair.flat.colour(colour).filter(|_| is_lit).map(|moments| moments.neighbours)
+    };
+    let neighbours = selected.pairs.iter().zip(&points[..used]).filter_map(of_point);
+    let stack = selected.flat_stack.and_then(|stack| stack.colour(colour));
+    let lit_stack = stack.filter(|m| is_light(m.variance_dn2, points[0].dark_variance_dn2));
+    SharedNoise::of(NeighbourNoise::pooled(neighbours), lit_stack.and_then(|m| m.between_frames))
+}
+
 /// Evaluates one colour; `None` if it has no points.
 fn channel(
     captures: &Captures,
     options: &Options,
     colour: Colour,
-    pairs: &[Pair<'_>],
-    darks: &[&FlaggedPoint<'_>],
-    stacks: Option<&Stacks<'_>>,
+    selected: &Selected<'_>,
     clip_dn: u32,
 ) -> Option<ChannelResult> {
     let mean_difference = options.mean_difference;
@@ -198,18 +258,30 @@ fn channel(
         let (exposure_s, photons) = (pair.point.exposure_s, pair.point.photons);
         Some(TransferPoint::new(exposure_s, photons, flat, dark, mean_difference, clip_dn))
     };
-    let points: Vec<TransferPoint> = pairs.iter().filter_map(transfer_point).collect();
-    let transfer = photon_transfer(&points, Rules::Ours)?;
-    let library_transfer = photon_transfer(&points, Rules::Library)?;
+    let points: Vec<TransferPoint> = selected.pairs.iter().filter_map(transfer_point).collect();
+    let mut transfer = photon_transfer(&points, Rules::Ours)?;
+    if let Some(steps) = growing_steps(&all_counts(colour, selected)) {
+        let variance =
+            |of: &PointStatistics| of.colour(colour).map_or(0.0, |m| step_variance_dn2(&m.histogram));
+        let added = selected.pairs.iter().map(|pair| variance(pair.flat) - variance(pair.dark));
+        let used = transfer.used;
+        transfer = transfer.with_steps(steps, &points[..used], &added.take(used).collect::<Vec<f64>>());
+    }
+    if let Some(shared) = shared_noise(colour, selected, &points, transfer.used) {
+        transfer = transfer.with_shared_noise(shared);
+    }
+    let as_they_are = points.iter().map(|point| TransferPoint { row_flicker_dn2: 0.0, ..point.clone() });
+    let library_transfer = photon_transfer(&as_they_are.collect::<Vec<_>>(), Rules::Library)?;
 
     // Non-uniformity from the stacks.
+    let stacks = selected.stacks.as_ref();
     let spatial = stacks.and_then(|s| spatial(s, &captures.sensor.cfa, colour, options.high_pass));
 
     // Figures, with the dark series of this colour's pixels.
     let dark_point = |p: &&FlaggedPoint<'_>| {
         Some(DarkPoint::new(p.point.exposure_s, p.found.colour(colour)?, mean_difference))
     };
-    let dark = dark_series(darks.iter().filter_map(dark_point).collect());
+    let dark = dark_series(selected.darks.iter().filter_map(dark_point).collect());
     let figures = figures(&Basis {
         points: &points,
         library: &library_transfer,

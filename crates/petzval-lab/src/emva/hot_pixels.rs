@@ -40,6 +40,9 @@ use petzval_base::statistics::{SIGMA_OVER_MEDIAN, median};
 const THRESHOLD_SIGMAS: f64 = 6.0;
 /// Fewest pixels from which the distribution is estimated: ten give the mean excess to a third.
 const FEWEST: usize = 10;
+/// Least mean excess of hot pixels, standard deviations: seven times as many lie below the threshold as above, and dark currents of any smooth
+/// distribution look like these.
+const LEAST_EXCESS_SIGMAS: f64 = 3.0;
 /// Share of normal pixels below the median by more than one standard deviation.
 const BELOW_ONE_SIGMA: f64 = 0.158_655_253_931_457_05;
 /// Variance of the difference of two numbers that are both rounded, DN^2.
@@ -115,18 +118,28 @@ pub(super) fn dark_ends<'a>(points: &[&'a Point]) -> [Option<&'a Point>; 2] {
     ]
 }
 
-/// Dark currents of the pixels from the two ends of a dark series, if their exposure times differ and neither is clipped at zero.
+/// Dark currents of the pixels from the two ends of a dark series, if their exposure times differ and neither is cut off from below. Light that
+/// leaks in, or a glow, is brighter than noise in places, and has no hot pixels.
 /// `max_dn` is the largest digital number of the converter.
 pub(super) fn of_dark_ends(ends: [Option<&FlaggedPoint<'_>>; 2], max_dn: f64) -> Option<PixelDarkCurrents> {
     let [short, long] = ends.map(dark_end);
     let (short, long) = (short?, long?);
-    (long.exposure_s > short.exposure_s).then(|| pixel_dark_currents(&short, &long, max_dn))
+    let leaks = ends.iter().flatten().any(|end| end.flags.light_leak_dn.is_some());
+    (long.exposure_s > short.exposure_s).then(|| {
+        let found = pixel_dark_currents(&short, &long, max_dn);
+        if leaks && found.hot_share.value().is_some() {
+            let none = Measured::none(Unresolved::LightLeak);
+            PixelDarkCurrents { hot_share: none, hot_excess_dn_per_s: none, hot_test: None, ..found }
+        } else {
+            found
+        }
+    })
 }
 
-/// One end of a dark series, if its frames are not clipped at zero.
+/// One end of a dark series, if its frames are not cut off from below.
 fn dark_end<'a>(end: Option<&'a FlaggedPoint<'_>>) -> Option<DarkEnd<'a>> {
     let FlaggedPoint { point, found, flags } = end?;
-    flags.clipped_at_zero.is_none().then_some(DarkEnd {
+    flags.is_whole().then_some(DarkEnd {
         exposure_s: point.exposure_s,
         stack: found.stack.as_ref()?,
         variance_dn2: found.all.variance_dn2,
@@ -202,8 +215,9 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
         hot_excess_dn_per_s: Measured::none(Unresolved::NoHotPixels { outliers: outliers.len() }),
         hot_test: None,
     };
-    // Six standard deviations out, the tail of normal noise falls by 1/e within a sixth of its standard deviation.
-    if outliers.len() - full < FEWEST || theta <= spread {
+    // Six standard deviations out, the tail of normal noise falls by 1/e within a sixth of its standard deviation. Other tails are longer, and a
+    // share that is mostly a guess below the threshold is none.
+    if outliers.len() - full < FEWEST || theta <= LEAST_EXCESS_SIGMAS * spread {
         return found;
     }
     // Estimate the share of hot pixels: the outliers, and those below the threshold.
@@ -217,22 +231,26 @@ fn pixel_dark_currents(short: &DarkEnd<'_>, long: &DarkEnd<'_>, max_dn: f64) -> 
     // Subtract the hot pixels below the threshold from the mean of the ordinary pixels.
     let below_share = (-above / theta).exp();
     let hidden = share * (theta - (theta + above) * below_share) / (1.0 - share * below_share);
-    // If the excesses are not exponentially distributed, what lies below the threshold is a guess, and the mean has the error of its
-    // own scatter.
+    // If the excesses are not exponentially distributed, the outliers are not hot pixels of this model, and what lies below the threshold is a
+    // guess.
     let excesses: Vec<f64> = outliers.iter().map(|(x, _)| x - threshold).collect();
     let hot_test = (full == 0).then(|| exponential_test(&excesses, per_unit));
-    let (mut of_share, mut of_hidden, mut of_excess) =
-        (share * share_error, hidden * share_error, theta / known.sqrt());
-    if hot_test.is_some_and(|test| test.verdict == Verdict::Widened) {
-        let scatter = excesses.iter().map(|x| (x - theta).powi(2)).sum::<f64>() / n;
-        of_share = of_share.hypot(share - n / pixels);
-        of_hidden = of_hidden.hypot(hidden);
-        of_excess = of_excess.max((scatter / n).sqrt());
+    let of_hidden = hidden * share_error;
+    if hot_test.is_some_and(|test| test.verdict == Verdict::Withdrawn) {
+        let none = Measured::none(Unresolved::NotExponential { outliers: found.outliers });
+        let error = core_se.hypot(of_hidden).hypot(hidden);
+        return PixelDarkCurrents {
+            ordinary_dn_per_s: Measured::new(core_mean - hidden, error),
+            hot_share: none,
+            hot_excess_dn_per_s: none,
+            hot_test,
+            ..found
+        };
     }
     PixelDarkCurrents {
         ordinary_dn_per_s: Measured::new(core_mean - hidden, core_se.hypot(of_hidden)),
-        hot_share: Measured::new(share, of_share),
-        hot_excess_dn_per_s: Measured::new(theta, of_excess),
+        hot_share: Measured::new(share, share * share_error),
+        hot_excess_dn_per_s: Measured::new(theta, theta / known.sqrt()),
         hot_test,
         ..found
     }
@@ -287,7 +305,7 @@ fn exponential_test(values: &[f64], step: f64) -> FitTest {
     FitTest {
         reduced_chi2: chi2 / degrees_of_freedom as f64,
         p_value,
-        verdict: if p_value < ALPHA { Verdict::Widened } else { Verdict::Holds },
+        verdict: if p_value < ALPHA { Verdict::Withdrawn } else { Verdict::Holds },
         ..FitTest::untested(values.len(), degrees_of_freedom)
     }
 }
@@ -372,7 +390,7 @@ mod tests {
     }
 
     #[test]
-    fn excesses_that_are_not_exponential_widen_the_errors() {
+    fn excesses_that_are_not_exponential_are_no_hot_pixels() {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(9);
         let mut draw =
             |of: &dyn Fn(f64) -> f64| -> Vec<f64> { (0..400).map(|_| of(rng.random::<f64>())).collect() };
@@ -381,7 +399,35 @@ mod tests {
         // Even numbers about a mean, and a few far above many.
         for of in [(&|u: f64| 20.0 + 20.0 * u) as &dyn Fn(f64) -> f64, &|u| 30.0 * (1.0 - u).powf(-1.5)] {
             let found = exponential_test(&draw(of), 0.01);
-            assert_eq!(found.verdict, Verdict::Widened, "{found:?}");
+            assert_eq!(found.verdict, Verdict::Withdrawn, "{found:?}");
+        }
+        // Few excesses far above many.
+        let mut stacks = ends(4, 50_000, 2, 0.0, 1.0, 1e6);
+        for i in 0..400 {
+            stacks[1].sum_dn[100 * i] += 2 * (14.0 * ((i as f64 + 0.5) / 400.0).powf(-0.75)) as u32;
+        }
+        let uneven = found(&stacks);
+        assert_eq!(uneven.full, 0, "{uneven:?}");
+        for figure in [uneven.hot_share, uneven.hot_excess_dn_per_s] {
+            assert!(matches!(figure.reason(), Some(Unresolved::NotExponential { .. })), "{figure:?}");
+        }
+        let (ordinary, error) =
+            (uneven.ordinary_dn_per_s.value().unwrap(), uneven.ordinary_dn_per_s.standard_error().unwrap());
+        assert!((ordinary - 30.0).abs() < 4.0 * error, "{ordinary} +- {error}");
+    }
+
+    #[test]
+    fn a_lognormal_dark_current_has_outliers_and_no_hot_pixels() {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(9);
+        let normal: Normal<f64> = Normal::new(0.0, 0.5).unwrap();
+        let mut stacks = ends(4, 50_000, 2, 0.0, 1.0, 1e6);
+        for sum_dn in &mut stacks[1].sum_dn {
+            *sum_dn += 2 * (100.0 * normal.sample(&mut rng).exp()).round() as u32;
+        }
+        let lognormal = found(&stacks);
+        assert!(lognormal.outliers > 100, "{lognormal:?}");
+        for figure in [lognormal.hot_share, lognormal.hot_excess_dn_per_s] {
+            assert!(matches!(figure.reason(), Some(Unresolved::NoHotPixels { .. })), "{figure:?}");
         }
     }
 

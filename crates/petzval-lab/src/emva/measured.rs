@@ -127,6 +127,17 @@ pub enum Unresolved {
         /// Number of such pixels.
         outliers: usize,
     },
+    /// Pixels with a dark current above the noise are not those of the model.
+    #[error(
+        "{outliers} pixels have a dark current above the noise of the dark series, which is not exponentially distributed as that of hot pixels"
+    )]
+    NotExponential {
+        /// Number of such pixels.
+        outliers: usize,
+    },
+    /// Light leaks into the dark frames, or the sensor glows.
+    #[error("light leaks into the dark frames, or the sensor glows: bright pixels are not hot ones")]
+    LightLeak,
     /// The frames are smaller than the filter.
     #[error("the frames are smaller than the high-pass filter")]
     TooSmall,
@@ -136,6 +147,11 @@ pub enum Unresolved {
     /// A number from which this one is computed is not resolved.
     #[error("{0} is not resolved")]
     FollowsFrom(&'static str),
+    /// Neighbouring pixels, or frames that follow each other, share temporal noise.
+    #[error(
+        "pixels or frames share noise, as after a filter in the camera: the variance is not that of the sensor"
+    )]
+    SharedNoise,
     /// The arithmetic has no finite result: a division by a signal of zero, for example.
     #[error("a division by zero signal")]
     NotFinite,

@@ -10,12 +10,14 @@
 //! | whether pixels of one colour differ by their place in a tile, and dark ones of all colours | `tile_range`, `tile_levels` |
 //! | flags: what the captures show about the use of each point | `flags` |
 //! | find where the converter clips, from all samples | [`samples`] |
+//! | find digital numbers that were compressed | [`mod@compressed`] |
 //! | select the points of one gain by their flags, and evaluate them | `gain` |
 //! | whether the points of a fit lie on its model, and what a departure adds to the errors | [`goodness`], [`mod@fits`] |
 //! | photon transfer: R, K, QE, linearity | [`transfer_point`], [`transfer`], `deviation_noise` |
 //! | find where the signal ends | [`mod@saturation`] |
 //! | dark frames over exposure time, and pixel by pixel | [`dark`], [`hot_pixels`] |
 //! | whether pixels differ independently of their neighbours | `neighbours` |
+//! | temporal noise that pixels or frames share: filters in the camera | [`mod@shared_noise`] |
 //! | non-uniformity, spectrograms, profiles, histograms of defects | [`spatial`], [`plane_moments`], [`high_pass`], [`spectrogram`], [`histogram`] |
 //! | pixels that do not answer light, and dark frames without them | [`mod@defects`], `dark_defects` |
 //! | figures under the names of the EMVA 1288 Python library | [`figures`] |
@@ -36,6 +38,7 @@ pub mod captures;
 pub mod characterize;
 mod colour_name;
 pub mod compat;
+pub mod compressed;
 pub mod counts;
 pub mod dark;
 mod dark_defects;
@@ -70,6 +73,7 @@ pub mod samples;
 pub mod saturation;
 pub mod sensor_file;
 pub mod series;
+pub mod shared_noise;
 pub mod spatial;
 pub mod spectrogram;
 mod tile_levels;
@@ -84,6 +88,7 @@ pub use captures::{CaptureError, Captures, FrameFile, Kind, Point, SensorFacts};
 pub use characterize::{Done, characterize};
 pub use colour_name::colour_name;
 pub use compat::result_xml::{Values, result_xml};
+pub use compressed::Compression;
 pub use counts::PointHistogram;
 pub use derived::{Derived, derived};
 pub use figures::{Figure, Limit};
@@ -98,6 +103,7 @@ pub use plan::{Plan, PlannedPoint};
 pub use result::{ChannelResult, Characterization, GainResult, Options};
 pub use sensor_file::sensor_toml;
 pub use series::{Series, SeriesFrame, Written, write_series};
+pub use shared_noise::SharedNoise;
 pub use spatial::Spatial;
 pub use warning::Warning;
 pub use warnings::warning_lines;

@@ -21,6 +21,9 @@ use super::captures::{CaptureError, Captures, FrameFile, Kind, Point};
 use super::counts::Counts;
 use super::line_covariance::{LineCovariance, LineModel};
 use super::line_noise::{LineNoise, LineSums, double_differences};
+use super::measured::Measured;
+use super::samples::clamp_dn;
+use super::shared_noise::{LastFrame, NeighbourNoise, frame_correlation};
 use super::tile_range::tile_range_dn;
 use petzval_camera::sensor::{CfaPattern, Colour};
 use petzval_files::raw_file::{RawFrame, RawInfo};
@@ -80,6 +83,12 @@ pub struct Moments {
     /// How the noise of rows, and that of columns, is correlated.
     #[serde(skip)]
     pub line_covariances: [LineCovariance; 2],
+    /// How the noise of neighbours of one colour is correlated; zero of dark frames, and of all colours together.
+    #[serde(skip)]
+    pub neighbours: NeighbourNoise,
+    /// Correlation of the noise of a frame with that of the frame before, of flat stacks.
+    #[serde(skip)]
+    pub between_frames: Option<Measured>,
     /// Rows, and columns, that have pixels of this kind.
     #[serde(skip)]
     has_pixels: [Vec<bool>; 2],
@@ -114,6 +123,11 @@ impl Moments {
         self.variance_se_dn2 = (pixels_of_variance + of_variance / (frames - 1.0)).sqrt();
     }
 
+    /// Standard error of the variance by the noise of few rows and columns alone, DN^2.
+    pub fn lines_se_dn2(&self) -> f64 {
+        (self.variance_se_dn2.powi(2) - self.of_pixels[1]).max(0.0).sqrt()
+    }
+
     /// Variance of all samples, over pixels and frames, DN^2.
     pub fn total_variance_dn2(&self) -> f64 {
         let first = f64::from(self.histogram.first_dn);
@@ -127,6 +141,12 @@ impl Moments {
     pub fn is_clipped_at_zero(&self) -> bool {
         let [low, median, _] = self.bulk_dn();
         self.share_at_zero > CLIPPED_SHARE && (low == 0.0 || median < BULK_SIGMAS * (median - low))
+    }
+
+    /// Digital number above 0 at which the distribution of dark samples is cut off from below, if it is.
+    pub fn clamp_dn(&self) -> Option<u32> {
+        let [_, median, high] = self.bulk_dn();
+        clamp_dn(&self.histogram, [median, high]).filter(|dn| *dn > 0)
     }
 
     /// Whether the distribution of the samples is cut off at a digital number, the largest of the converter: samples are there, and the bulk
@@ -230,6 +250,9 @@ struct Class {
     table: Vec<u64>,
     variance: f64,
     variance_squared: f64,
+    /// Sum over pixels and frames of the squared steps from frame to frame, DN^2; zero where they are not looked at.
+    steps: u64,
+    neighbours: NeighbourNoise,
     lines: LineSums,
 }
 
@@ -245,6 +268,10 @@ impl Class {
         let of_pixels_dn2 = (self.variance_squared / n - mean_variance * mean_variance).max(0.0) / n;
         let lines = &self.lines;
         let has = |pixels: &[usize]| pixels.iter().map(|n| *n > 0).collect();
+        let between_frames = (self.steps > 0).then(|| {
+            let squares = [self.steps as f64, self.variance * (l - 1.0)];
+            frame_correlation(lines, &self.frame_sums, self.pixels, squares)
+        });
         Moments {
             pixels: self.pixels,
             mean_dn,
@@ -258,6 +285,8 @@ impl Class {
                 LineCovariance::of(&lines.rows, &lines.row_pixels, kinds[0], tile[0]),
                 LineCovariance::of(&lines.columns, &lines.column_pixels, kinds[1], tile[1]),
             ],
+            neighbours: self.neighbours,
+            between_frames,
             has_pixels: [has(&lines.row_pixels), has(&lines.column_pixels)],
             of_pixels: [mean_variance / samples, of_pixels_dn2],
             frame_means_dn,
@@ -289,6 +318,8 @@ pub fn reduce(
         table: vec![0; 1 << bits],
         variance: 0.0,
         variance_squared: 0.0,
+        steps: 0,
+        neighbours: NeighbourNoise::default(),
         lines: LineSums::new(frames, size),
     };
     let tile = [cfa.rows(), cfa.cols()];
@@ -300,6 +331,8 @@ pub fn reduce(
     let mut fingerprints = Vec::with_capacity(frames);
     let mut block_totals = [0u64; BLOCKS * BLOCKS];
     let block_of = |row: usize, col: usize| row * BLOCKS / height * BLOCKS + col * BLOCKS / width;
+    let is_flat_stack = point.kind == Kind::Flat && point.is_stack();
+    let mut before: Vec<u16> = Vec::new();
 
     // Read frame by frame: sums per pixel, per colour, per block, and the histogram of each colour.
     for (k, file) in point.frames.iter().enumerate() {
@@ -319,7 +352,7 @@ pub fn reduce(
                 block_sums[k][block] += u64::from(*dn);
             }
             for ((s, q), dn) in
-                sum[span.clone()].iter_mut().zip(&mut squares[span.clone()]).zip(&frame.dn[span])
+                sum[span.clone()].iter_mut().zip(&mut squares[span.clone()]).zip(&frame.dn[span.clone()])
             {
                 *s += u32::from(*dn);
                 *q += u64::from(*dn) * u64::from(*dn);
@@ -327,7 +360,13 @@ pub fn reduce(
             for (col, d) in double_differences(&frame.dn, width, row, tile) {
                 class[kinds[col % cfa.cols()]].lines.doubles[row].squares += (d * d) as f64;
             }
+            if is_flat_stack && k > 0 {
+                for (col, (before, dn)) in before[span.clone()].iter().zip(&frame.dn[span]).enumerate() {
+                    class[kinds[col % cfa.cols()]].steps += u64::from(before.abs_diff(*dn)).pow(2);
+                }
+            }
         }
+        before = frame.dn;
         read()?;
     }
 
@@ -360,8 +399,22 @@ pub fn reduce(
             doubles.squares_of_sum += (d as f64).powi(2);
         }
     }
+    // The noise that neighbours share, of flat frames: their light makes most of it.
+    if point.kind == Kind::Flat {
+        let point = LastFrame {
+            last: &before,
+            sum_dn: &sum,
+            frames,
+            width,
+            class_of: &class_of,
+            lines: class.iter().map(|c| &c.lines).collect(),
+            variance_dn2: class.iter().map(|c| c.variance / c.pixels.max(1) as f64).collect(),
+        };
+        let found = point.neighbours();
+        class.iter_mut().zip(found).for_each(|(c, found)| c.neighbours = found);
+    }
     // All pixels together are the sum of the colours.
-    let mut all = class[0].clone();
+    let mut all = Class { steps: 0, neighbours: NeighbourNoise::default(), ..class[0].clone() };
     for c in &class[1..] {
         all.pixels += c.pixels;
         all.variance += c.variance;

@@ -120,8 +120,12 @@ impl ChannelResult {
         Some(self.figure(name)?.best().scale(1.0 / (1.0 + bias)))
     }
 
-    /// DSNU, e-, and PRNU, %, with the pixels that do not answer light, which the figures leave out; `None` if there are none.
+    /// DSNU, e-, and PRNU, %, with the pixels that do not answer light, which the figures leave out; `None` if there are none, or if
+    /// a filter in the camera spread them.
     pub fn non_uniformity_with_defects(&self) -> Option<[Measured; 2]> {
+        if self.transfer.shared_noise.is_some_and(|shared| shared.is_spatial() && shared.is_far()) {
+            return None;
+        }
         let spatial = self.spatial.as_ref()?;
         let [flat, dark] = spatial.components_with_defects.as_ref()?;
         let [light, ..] = of_light(flat, dark, spatial.shared);

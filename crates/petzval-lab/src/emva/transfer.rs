@@ -14,12 +14,14 @@
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use super::compressed::Compression;
 use super::deviation_noise::DeviationNoise;
 use super::fit::{Line, line};
 use super::goodness::{FitTest, Model, Points, Verdict, significant_bend, test};
 use super::measured::{Measured, Unresolved};
 use super::rounding::RoundingError;
 use super::saturation::saturation;
+use super::shared_noise::SharedNoise;
 use super::transfer_point::FIT_SHARE;
 pub use super::transfer_point::{Rules, TransferPoint, light};
 
@@ -66,6 +68,12 @@ pub struct PhotonTransfer {
     /// System gain without the bend of the response over the light, if it bends: its error is that of noise, DN/e-.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub straightened_gain_dn_per_e: Option<Measured>,
+    /// Noise that pixels or frames share, if they do: K is withdrawn, or its error contains the variance that is missing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shared_noise: Option<SharedNoise>,
+    /// Steps between the digital numbers, if they grow: the error of K contains them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub compression: Option<Compression>,
     /// Responsivity, DN per photon.
     pub responsivity_dn: Measured,
     /// Whether the signal lies on the line of the responsivity; `None` where photons are not known.
@@ -82,6 +90,40 @@ impl PhotonTransfer {
     /// Whether a point lies beyond the point of the largest noise of a series that saturates.
     pub fn is_beyond_saturation(&self, point: usize) -> bool {
         self.saturated && point > self.saturation
+    }
+
+    /// The photon transfer of digital numbers whose mean steps at the ends of the samples, DN, grow. Their rounding adds so much variance to
+    /// each of the used points, DN^2; K contains what that makes as an error.
+    pub(super) fn with_steps(
+        mut self,
+        [low_step_dn, high_step_dn]: [f64; 2],
+        used: &[TransferPoint],
+        added_dn2: &[f64],
+    ) -> Self {
+        let signal: Vec<f64> = used.iter().map(TransferPoint::signal_dn).collect();
+        let weights = through_origin_weights(&signal);
+        let error: f64 = weights.iter().zip(added_dn2).map(|(w, added)| w * added).sum();
+        self.gain_test.model_error = self.gain_test.model_error.hypot(error);
+        self.gain_test.verdict = Verdict::Widened;
+        self.gain_dn_per_e = self.gain_dn_per_e.with_error(error);
+        self.compression = Some(Compression { low_step_dn, high_step_dn, gain_error_dn_per_e: error.abs() });
+        self
+    }
+
+    /// The photon transfer of frames whose pixels or frames share noise. K contains the variance that is missing as an error, or is withdrawn.
+    pub(super) fn with_shared_noise(mut self, shared: SharedNoise) -> Self {
+        let error = shared.missing_share() * self.gain_dn_per_e.value().unwrap_or(0.0);
+        self.gain_test.model_error = self.gain_test.model_error.hypot(error);
+        self.straightened_gain_dn_per_e = None;
+        self.shared_noise = Some(shared);
+        if shared.is_far() && self.gain_dn_per_e.value().is_some() {
+            self.gain_test.verdict = Verdict::Withdrawn;
+            self.gain_dn_per_e = Measured::none(Unresolved::SharedNoise);
+        } else {
+            self.gain_test.verdict = Verdict::Widened;
+            self.gain_dn_per_e = self.gain_dn_per_e.with_error(error);
+        }
+        self
     }
 }
 
@@ -110,6 +152,8 @@ pub fn photon_transfer(points: &[TransferPoint], rules: Rules) -> Option<PhotonT
         gain_dn_per_e,
         gain_test: gain.test,
         straightened_gain_dn_per_e: gain.straightened,
+        shared_noise: None,
+        compression: None,
         responsivity_dn: responsivity.as_ref().map_or_else(|why| Measured::none(*why), |r| r.measured),
         responsivity_test: responsivity.ok().map(|r| r.test),
         no_linearity: linearity.as_ref().err().copied(),
@@ -336,6 +380,7 @@ mod tests {
             dark_mean_se_dn: 0.1,
             dark_variance_dn2: 1.0,
             dark_variance_se_dn2: 0.01,
+            row_flicker_dn2: 0.0,
             total_variance_dn2: 1.0 + variance,
             share_at_max: 0.0,
         };

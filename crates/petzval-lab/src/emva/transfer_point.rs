@@ -28,6 +28,9 @@ pub struct TransferPoint {
     pub dark_variance_dn2: f64,
     /// Its standard error, DN^2.
     pub dark_variance_se_dn2: f64,
+    /// Part of the flat variance that whole rows share beyond what the dark frames have, if it is significant: light that flickers while a rolling
+    /// shutter reads, DN^2. It is no noise of pixels, and the variance above dark is without it.
+    pub row_flicker_dn2: f64,
     /// Variance of the flat samples over pixels and frames, DN^2.
     pub total_variance_dn2: f64,
     /// Share of the flat samples at the digital number where the converter clips.
@@ -58,6 +61,7 @@ impl TransferPoint {
             dark_mean_se_dn: dark.mean_se_dn,
             dark_variance_dn2: variance(dark),
             dark_variance_se_dn2: dark.variance_se_dn2,
+            row_flicker_dn2: row_flicker_dn2(flat, dark),
             total_variance_dn2: flat.total_variance_dn2(),
             share_at_max: share_at(flat, clip_dn),
         }
@@ -83,15 +87,37 @@ impl TransferPoint {
         self.mean_se_dn.hypot(self.dark_mean_se_dn)
     }
 
-    /// Variance above dark, DN^2.
+    /// Variance above dark, without the flicker of rows, DN^2.
     pub fn shot_variance_dn2(&self) -> f64 {
-        self.variance_dn2 - self.dark_variance_dn2
+        self.variance_dn2 - self.dark_variance_dn2 - self.row_flicker_dn2
     }
 
     /// Standard error of the variance above dark, DN^2.
     pub fn shot_variance_se_dn2(&self) -> f64 {
         self.variance_se_dn2.hypot(self.dark_variance_se_dn2)
     }
+}
+
+/// Standard errors above which rows of flat frames have more noise than those of dark frames, and the least share of the variance above dark.
+const FLICKER_SIGMAS: f64 = 5.0;
+const LEAST_FLICKER: f64 = 0.005;
+
+/// Temporal variance of the means of rows in flat frames, less that of their pixels and that of dark frames, DN^2; zero if it may be chance.
+fn row_flicker_dn2(flat: &Moments, dark: &Moments) -> f64 {
+    let of_rows = |moments: &Moments| {
+        let rows = moments.line_covariances[0].filtered(&[], 1)?;
+        let of_pixels = rows.pixel_share * moments.pixel_dn2();
+        Some((rows.variance_dn2 - of_pixels, of_pixels, rows.standard_error_dn2 / rows.variance_dn2))
+    };
+    let (Some((own, of_pixels, _)), Some((of_dark, _, share))) = (of_rows(flat), of_rows(dark)) else {
+        return 0.0;
+    };
+    // Rows of flat frames may scatter as those of dark frames do, and by what their pixels make.
+    let added = own - of_dark;
+    let by_pixels = 2.0_f64.sqrt() * share * of_pixels;
+    let error = by_pixels.hypot(flat.lines_se_dn2()).hypot(dark.lines_se_dn2());
+    let matters = added > LEAST_FLICKER * (flat.variance_dn2 - dark.variance_dn2);
+    if matters && added > FLICKER_SIGMAS * error { added } else { 0.0 }
 }
 
 /// Share of the samples at the digital number where they are clipped; zero if the mean is so far below that these are

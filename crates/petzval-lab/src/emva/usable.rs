@@ -47,7 +47,9 @@ pub fn check_usable(
         g.channels.iter().all(|c| c.transfer.gain_dn_per_e.reason() == Some(Unresolved::AllSaturated))
     };
     if gains.iter().filter(|g| !g.channels.is_empty()).all(full) {
-        Err(CaptureError::AllSaturated { list: list(), points })
+        let moved = flags.iter().map(|gain| gain.left_out.moved).sum();
+        let clipped = flags.iter().map(|gain| gain.left_out.clipped).sum();
+        Err(CaptureError::AllSaturated { list: list(), points, moved, clipped })
     } else {
         Ok(())
     }

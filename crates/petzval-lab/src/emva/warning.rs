@@ -5,8 +5,10 @@ use std::fmt;
 use serde::{Serialize, Serializer};
 
 use crate::emva::colour_name::colour_name;
+use crate::emva::compressed::Compression;
 use crate::emva::goodness::{FitTest, Verdict};
 use crate::emva::measured::{Measured, Unresolved};
+use crate::emva::shared_noise::SharedNoise;
 use petzval_camera::sensor::Colour;
 
 /// Declares the kinds. A row is `Kind at point ("name", severity NUMBER) { fields } => "text", arguments;`.
@@ -399,6 +401,48 @@ warnings! {
     /// Stacks of one gain without a partner of the other kind and the same exposure time.
     LoneStack at point ("lone-stack") {} =>
         "{point}: no stack of the other kind with this gain and exposure time; it is not evaluated";
+
+    /// Neighbouring pixels, or frames that follow each other, share temporal noise, as after a filter in the camera.
+    SharedNoise("shared-noise", severity found.missing_share().abs()) {
+        /// Linear gain.
+        linear_gain: f64,
+        /// Colour.
+        colour: Colour,
+        /// The correlations.
+        found: SharedNoise,
+    } => "at gain {linear_gain}, {}, {}", colour_name(*colour), shared_noise(found);
+
+    /// Dark samples are cut off from below, which biases mean and noise; the point is not used.
+    Clamped at point ("clamped", severity *share) {
+        /// Digital number at which they are.
+        level_dn: u32,
+        /// Share of the samples there.
+        share: f64,
+    } => "{point}: {:.2} % of the samples pile up at {level_dn} DN, the least that occurs: the noise below it is cut off, and the point does not count; raise the black level, or switch the clamp off", 100.0 * share;
+
+    /// The steps between digital numbers grow with the level: they were compressed in the camera.
+    Compressed("compressed", severity found.high_step_dn) {
+        /// Linear gain.
+        linear_gain: f64,
+        /// Colour.
+        colour: Colour,
+        /// The steps.
+        found: Compression,
+        /// Error that they add to K, percent; `None` where K is not resolved.
+        percent: Option<f64>,
+    } => "at gain {linear_gain}, {}, numbers are missing between those that occur, in steps from {:.1} to {:.1} DN that grow with the level, as after a lossy compression{}; capture uncompressed raw frames", colour_name(*colour), found.low_step_dn, found.high_step_dn, error_of_steps(*percent);
+
+    /// Rows of flat frames share noise that dark frames lack: the light flickers while a rolling shutter reads.
+    RowFlicker("row-flicker", severity *percent) {
+        /// Linear gain.
+        linear_gain: f64,
+        /// Colour.
+        colour: Colour,
+        /// Flat points that have it.
+        points: usize,
+        /// Largest share of it in the noise of light, percent.
+        percent: f64,
+    } => "at gain {linear_gain}, {}, rows of {points} flat points share noise that dark frames lack, up to {percent:.1} % of the noise of light, as if the light flickers while a rolling shutter reads; K leaves it out", colour_name(*colour);
 }
 
 impl Serialize for Warning {
@@ -538,6 +582,45 @@ fn fit_departs(
         "{at}the points of the fit of {fit} depart from its model (reduced chi^2 {:.2} at {} degrees of freedom{bend}{cause}); {consequence}",
         test.reduced_chi2, test.degrees_of_freedom
     )
+}
+
+fn shared_noise(found: &SharedNoise) -> String {
+    let mut shared = Vec::new();
+    if found.is_spatial() {
+        let ways = [
+            (found.along_rows, "along rows"),
+            (found.along_columns, "along columns"),
+            (found.diagonal, "on diagonals"),
+        ];
+        let known = ways.iter().filter(|(correlation, _)| *correlation != 0.0);
+        let known: Vec<String> = known.map(|(correlation, way)| format!("{correlation:+.2} {way}")).collect();
+        shared.push(format!("neighbouring pixels share noise (correlation {})", known.join(", ")));
+    }
+    if found.between_frames != 0.0 {
+        shared.push(format!(
+            "frames share noise with the frame before (correlation {:+.2})",
+            found.between_frames
+        ));
+    }
+    let percent = 100.0 * found.missing_share() / (1.0 + found.missing_share());
+    let low_or_high = if percent < 0.0 { "high" } else { "low" };
+    let consequence = if found.is_far() {
+        "K and what follows from it are withdrawn, and so are DSNU and PRNU where pixels share noise"
+    } else {
+        "the errors of K and of what follows from it contain it"
+    };
+    format!(
+        "{}, as after a filter, a correction of defects or image lag in the camera: the variance is about {:.0} % too {low_or_high}; \
+         {consequence}. Capture raw frames without it",
+        shared.join(", and "),
+        percent.abs()
+    )
+}
+
+fn error_of_steps(percent: Option<f64>) -> String {
+    percent.map_or(String::new(), |percent| {
+        format!(": their rounding is in the noise, and the error of K contains {percent:.1} % for it")
+    })
 }
 
 /// Bits that hold a digital number.

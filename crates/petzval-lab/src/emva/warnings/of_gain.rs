@@ -3,7 +3,8 @@
 use crate::emva::captures::milliseconds;
 use crate::emva::dark::{DarkPoint, DarkSeries};
 use crate::emva::flags::{FlatFlags, FrameFlags, GainFlags, Signal, StackFlags, StackUse};
-use crate::emva::result::GainResult;
+use crate::emva::result::{ChannelResult, GainResult};
+use crate::emva::transfer_point::TransferPoint;
 use crate::emva::warning::Warning;
 
 /// Least number of points for a straight line.
@@ -32,6 +33,9 @@ pub fn gain_warnings(gain: &GainResult, flags: &GainFlags) -> Vec<Warning> {
     if (1..LEAST_POINTS).contains(&points) {
         warnings.push(Warning::TooFewPoints { linear_gain, points });
     }
+    warnings.extend(gain.channels.iter().filter_map(|channel| shared_noise(linear_gain, channel)));
+    warnings.extend(gain.channels.iter().filter_map(|channel| compressed(linear_gain, channel)));
+    warnings.extend(gain.channels.iter().filter_map(|channel| row_flicker(linear_gain, channel)));
     warnings.extend(flags.stacks.iter().filter_map(of_stack));
     let full = flags.flats.iter().filter(|flat| flat.is_saturated).count();
     if full > 0 {
@@ -46,6 +50,11 @@ pub fn gain_warnings(gain: &GainResult, flags: &GainFlags) -> Vec<Warning> {
 fn of_frames(flags: &FrameFlags) -> Vec<Warning> {
     let point = || flags.label.clone();
     let clipped = flags.clipped_at_zero.map(|share| Warning::ClippedAtZero { point: point(), share });
+    let clamped = flags.clamped.map(|clamp| Warning::Clamped {
+        point: point(),
+        level_dn: clamp.level_dn,
+        share: clamp.share,
+    });
     let flicker = flags.flicker.map(|f| Warning::Flicker {
         point: point(),
         difference_dn: f.difference_dn,
@@ -59,7 +68,7 @@ fn of_frames(flags: &FrameFlags) -> Vec<Warning> {
     });
     let leak = flags.light_leak_dn.map(|difference_dn| Warning::LightLeak { point: point(), difference_dn });
     let uneven = flags.uneven_percent.map(|percent| Warning::NotUniform { point: point(), percent });
-    [clipped, flicker, moved, leak, uneven].into_iter().flatten().collect()
+    [clipped, clamped, flicker, moved, leak, uneven].into_iter().flatten().collect()
 }
 
 /// Colour filters of another mosaic, by the point that shows them most. With stacks the test of the PRNU names them.
@@ -79,6 +88,30 @@ fn of_signal(flat: &FlatFlags) -> Option<Warning> {
             Some(Warning::NoSignal { point, signal_dn, standard_error_dn })
         }
     }
+}
+
+/// Noise that pixels or frames of one colour share.
+fn shared_noise(linear_gain: f64, channel: &ChannelResult) -> Option<Warning> {
+    let (colour, found) = (channel.colour, channel.transfer.shared_noise?);
+    Some(Warning::SharedNoise { linear_gain, colour, found })
+}
+
+/// Digital numbers of one colour that are compressed.
+fn compressed(linear_gain: f64, channel: &ChannelResult) -> Option<Warning> {
+    let (colour, found) = (channel.colour, channel.transfer.compression?);
+    let gain = channel.transfer.gain_dn_per_e.value();
+    let percent = gain.map(|gain| 100.0 * found.gain_error_dn_per_e / gain);
+    Some(Warning::Compressed { linear_gain, colour, found, percent })
+}
+
+/// Flat points of one colour whose rows flicker.
+fn row_flicker(linear_gain: f64, channel: &ChannelResult) -> Option<Warning> {
+    let colour = channel.colour;
+    let of_point = |p: &TransferPoint| 100.0 * p.row_flicker_dn2 / p.shot_variance_dn2();
+    let shares = channel.points.iter().filter(|p| p.row_flicker_dn2 > 0.0).map(of_point);
+    let (points, percent) =
+        shares.fold((0, 0.0), |(points, most), share| (points + 1, f64::max(most, share)));
+    (points > 0).then_some(Warning::RowFlicker { linear_gain, colour, points, percent })
 }
 
 /// A flat stack that is not evaluated.

@@ -1,14 +1,14 @@
 //! Warnings about fits whose points do not lie on their model.
 
-use crate::emva::fits::NamedFit;
+use crate::emva::fits::{COMPRESSED, NamedFit, SHARED_NOISE};
 use crate::emva::goodness::Verdict;
 use crate::emva::warning::Warning;
 
 /// Share of a number from which on the error that a departure adds is worth a warning: every real lamp drifts by less.
 const WORTH_A_WARNING: f64 = 0.01;
 
-/// The fits that are withdrawn, or widened by more than a hundredth of their number. Histograms and hot pixels that fill have warnings of their
-/// own.
+/// The fits that are withdrawn, or widened by more than a hundredth of their number. Histograms, hot pixels that fill and
+/// compressed numbers and noise that pixels share have warnings of their own.
 pub fn departures(fits: &[NamedFit]) -> Vec<Warning> {
     let is_worth_it = |fit: &&NamedFit| match fit.test.verdict {
         Verdict::Untested | Verdict::Holds | Verdict::Stated => false,
@@ -16,7 +16,9 @@ pub fn departures(fits: &[NamedFit]) -> Vec<Warning> {
         Verdict::Widened => fit.model_share.is_none_or(|share| share > WORTH_A_WARNING),
     };
     let fills = |fit: &NamedFit| fit.name == "dark mean over time" && fit.cause.is_some();
-    let has_own = |fit: &&NamedFit| fit.name == "histograms" || fills(fit);
+    let is_named =
+        |fit: &NamedFit| fit.cause.is_some_and(|cause| [SHARED_NOISE, COMPRESSED].contains(&cause));
+    let has_own = |fit: &&NamedFit| fit.name == "histograms" || fills(fit) || is_named(fit);
     let warning = |fit: &NamedFit| Warning::FitDeparts {
         fit: fit.name,
         place: fit.place(),
