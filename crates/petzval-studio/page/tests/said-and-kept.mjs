@@ -56,7 +56,7 @@ export function saidAndKept(test, { open, tab, exact, toml, steps }) {
     const note = page.getByTestId("out-of-focus");
     assert.equal(await note.count(), 0);
     await defocus(page);
-    await note.filter({ hasText: /lies \d[\d.]* mm nearer to the lens/ }).waitFor();
+    await note.filter({ hasText: /lies\s+\d[\d.]* mm nearer to the lens/ }).waitFor();
     await note.getByRole("button", { name: "Focus" }).click();
     await at(page, 2);
     await exact(page);
