@@ -1,7 +1,7 @@
 //! The pictures on which a run has trained, by their content. Scores on them say little about other pictures.
 
 use std::collections::{BTreeMap, HashSet};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use petzval_learn::dataset::{List, PictureFile};
 use sha2::{Digest, Sha256};
@@ -79,10 +79,17 @@ impl TrainedPictures {
             let inputs = setup.windows()?.inputs(&setup.experiment, content, &mut Sha256::new())?;
             Ok(inputs.pictures.map_or_else(Vec::new, |pictures| pictures.files))
         };
-        let is_unknown = |file: &PictureFile| file.sha256.is_none() && self.sizes.contains(&file.bytes);
+        let is_unknown = |file: &&PictureFile| file.sha256.is_none() && self.sizes.contains(&file.bytes);
         let listed = files(Content::AtStart)?;
-        let listed = if listed.iter().any(is_unknown) { files(Content::All)? } else { listed };
-        Ok([self.count(&listed), listed.len()])
+        let unknown: Vec<&PictureFile> = listed.iter().filter(is_unknown).collect();
+        // Of a large set only the files are read that have the size of a picture of the run.
+        let paths: Option<Vec<PathBuf>> = unknown.iter().map(|file| path_of(file, setup)).collect();
+        let Some(paths) = paths else {
+            let listed = files(Content::All)?;
+            return Ok([self.count(&listed), listed.len()]);
+        };
+        let copies = paths.iter().filter(|path| self.holds(path)).count();
+        Ok([self.count(&listed) + copies, listed.len()])
     }
 
     /// How many of these files are among them.
@@ -90,6 +97,14 @@ impl TrainedPictures {
         let is_trained = |file: &&PictureFile| file.sha256.as_ref().is_some_and(|s| self.digests.contains(s));
         files.iter().filter(is_trained).count()
     }
+}
+
+/// Where a picture of a setup is; none if it is in an archive, or if a list names it.
+fn path_of(file: &PictureFile, setup: &Setup) -> Option<PathBuf> {
+    let places = [&setup.experiment.photos, &setup.experiment.data].map(Path::new);
+    let folders = places.into_iter().flat_map(|place| [Some(place), place.parent()]).flatten();
+    let mut paths = folders.map(|folder| folder.join(&file.name));
+    paths.find(|path| path.metadata().is_ok_and(|found| found.is_file() && found.len() == file.bytes))
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 """Results of units that ran on Ray. Ray itself is tried by `cargo xtask engines`."""
 
+import hashlib
 import importlib
 import json
 import subprocess
@@ -10,6 +11,40 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
+import petzval
+
+# The same as in petzval-units/src/store/record.rs.
+FROZEN = r"""{
+  "format": 1,
+  "unit": {
+    "name": "façade \u2028\u0001\n\"é/\\",
+    "call": {
+      "format": 1,
+      "job": "lens-trace",
+      "request": {"pupil": [0.0, -1], "lens": "cooke-triplet-nominal", "field": 2.5, "Z": {}, "é": [], "a": {"c": true, "b": null}}
+    },
+    "simd": "avx2",
+    "version": "0.1.0"
+  },
+  "key": "00ff",
+  "inputs": [],
+  "attempt": 1,
+  "response": {"z": 0.1, "a": {"y": [2.5, 3, 18446744073709551615], "x": "1e5"}},
+  "files": null,
+  "cost": {
+    "holder": {"host": "node", "pid": 7, "process_start": 12, "system": ""},
+    "began": "2026-01-02 03:04:05",
+    "seconds": 2.5,
+    "cpu_seconds": 0.1,
+    "all_cpu_seconds": 0.1,
+    "peak_memory_mb": 2.5,
+    "threads": 1,
+    "simd": "avx2",
+    "widest_simd": "avx2"
+  },
+  "sha256": "b5c70d3f52d43215bb591b647610018437b2616c7f5adcbd4c55350e076b5fb8"
+}"""
 
 
 @pytest.fixture
@@ -48,3 +83,40 @@ def test_results_are_those_of_the_file_and_not_of_units_of_the_same_names(ray: A
             request = kept["unit"]["call"]["request"]
             assert (request["wavelength"], request["field"]) == (wavelength, field)
             assert result.response == kept["response"]
+
+
+def test_a_frozen_result_is_read_and_an_edited_one_refused(ray: Any, tmp_path: Path) -> None:
+    path = tmp_path / "00ff" / "result.json"
+    path.parent.mkdir()
+    path.write_text(FROZEN, encoding="utf-8")
+    assert ray._kept(path) == json.loads(FROZEN)
+    for text in [FROZEN.replace('"z": 0.1', '"z": 0.10'), FROZEN.replace('"sha256": "b5', '"sha256": "b6')]:
+        assert text != FROZEN
+        path.write_text(text, encoding="utf-8")
+        with pytest.raises(petzval.InputError, match="not what the unit wrote") as caught:
+            ray._kept(path)
+        assert str(path) in str(caught.value) and caught.value.place.path == path
+    # One of an early build has no digest.
+    early = {key: value for key, value in json.loads(FROZEN).items() if key != "sha256"}
+    path.write_text(json.dumps(early), encoding="utf-8")
+    assert ray._kept(path) == early
+
+
+def test_numbers_of_a_result_count_by_their_digits_in_the_file(ray: Any, tmp_path: Path) -> None:
+    # Python prints 1e-07 and 1e+300.
+    rest = '{"numbers":[1e-7,1e300,-0.0],"text":"\x7f\U0001f600"}'
+    path = tmp_path / "result.json"
+    digest = hashlib.sha256(rest.encode()).hexdigest()
+    path.write_text(f'{rest[:-1]},"sha256":"{digest}"}}', encoding="utf-8")
+    assert ray._kept(path)["numbers"] == [1e-7, 1e300, 0]
+
+
+def test_an_edited_result_of_a_store_is_refused(ray: Any, tmp_path: Path) -> None:
+    units, store = tmp_path / "units.jsonl", tmp_path / "store"
+    run_units(units, store, 0.55, ["a"])
+    (path,) = store.glob("*/result.json")
+    text = path.read_text(encoding="utf-8")
+    assert '"attempt": 1' in text and '"sha256"' in text
+    path.write_text(text.replace('"attempt": 1', '"attempt": 2'), encoding="utf-8")
+    with pytest.raises(petzval.InputError, match="not what the unit wrote"):
+        ray.results(units, store=store)

@@ -13,8 +13,8 @@ use super::{Ended, Tools};
 /// Tasks of the array; as many CPUs has the node.
 const TASKS: usize = 2;
 
-/// Rounds of a search: long enough to be interrupted.
-const ROUNDS: usize = 20;
+/// Rounds of a search: two of them outlast the time of grace, in which a task without a signal of its own goes on.
+const ROUNDS: usize = 80;
 
 pub fn run(tools: &Tools) -> Result<Ended, String> {
     let missing = missing();

@@ -188,11 +188,14 @@ pub fn finder(
             let own_pictures = match experiment.data.as_str() {
                 STREET => None,
                 place => InputList::read(&folder)?.and_then(|list| list.pictures).map(|listed| {
-                    let trained = TrainedPictures::listed(&listed, &folder)?;
-                    Ok::<_, DesignError>(OwnPictures { place: PathBuf::from(place), listed, trained })
+                    // Detections do not depend on them.
+                    let trained = TrainedPictures::listed(&listed, &folder).unwrap_or_else(|error| {
+                        warn(&error.to_string());
+                        TrainedPictures::default()
+                    });
+                    OwnPictures { place: PathBuf::from(place), listed, trained }
                 }),
             };
-            let own_pictures = own_pictures.transpose()?;
             let mut block = untrained(&experiment, device)?;
             load_blocks(&folder.camera(name), [&mut block as _], Kept::Numbers)?;
             if let Some(variant) = experiment.variants().iter().find(|variant| variant.name == name) {

@@ -5,6 +5,7 @@ use serde::Serialize;
 use super::colour_name::colour_name;
 use super::goodness::{FitTest, Verdict};
 use super::result::Characterization;
+use super::transfer::PhotonTransfer;
 use petzval_camera::sensor::Colour;
 
 /// A fit by name.
@@ -35,6 +36,9 @@ impl NamedFit {
     }
 }
 
+/// Share of a number from which on the error that a departure adds is worth a warning: every real lamp drifts by less.
+pub(super) const WORTH_A_WARNING: f64 = 0.01;
+
 /// The usual cause of pixels that differ in the light from one to the next: the list states no mosaic, or another one.
 const OTHER_FILTERS: &str =
     "as if the pixels have colour filters of another mosaic; if so, state it in `cfa`";
@@ -44,6 +48,17 @@ pub(super) const SHARED_NOISE: &str = "pixels or frames share noise";
 
 /// The cause of a K whose error contains the steps between compressed numbers. It has a warning of its own.
 pub(super) const COMPRESSED: &str = "the digital numbers are compressed";
+
+/// Whether the points of K depart from their line by themselves, without the errors of shared noise and of compression. Steps between
+/// compressed numbers scatter the variance by about their own error.
+fn departs_by_itself(transfer: &PhotonTransfer) -> bool {
+    let Some(gain) = transfer.gain_dn_per_e.value() else { return false };
+    let of_noise = transfer.shared_noise.map_or(0.0, |shared| shared.missing_share());
+    let of_steps = transfer.compression.map_or(0.0, |found| found.gain_error_dn_per_e / gain);
+    let of_all = transfer.gain_test.model_error / gain;
+    let own = (of_all.powi(2) - of_noise.powi(2) - of_steps.powi(2)).max(0.0).sqrt();
+    own > of_steps.abs().max(WORTH_A_WARNING)
+}
 
 /// Every fit, those of all gains first.
 pub fn fits(found: &Characterization) -> Vec<NamedFit> {
@@ -94,7 +109,9 @@ pub fn fits(found: &Characterization) -> Vec<NamedFit> {
             let (colour, transfer) = (Some(channel.colour), &channel.transfer);
             let bends = transfer.straightened_gain_dn_per_e.map(|_| "the response bends over the light");
             let compressed = transfer.compression.map(|_| COMPRESSED);
-            let cause = transfer.shared_noise.map(|_| SHARED_NOISE).or(compressed).or(bends);
+            let named = transfer.shared_noise.map(|_| SHARED_NOISE).or(compressed);
+            // A fit that departs by itself has its own warning, whatever else the error of K contains.
+            let cause = if departs_by_itself(transfer) { bends } else { named.or(bends) };
             add("K", colour, transfer.gain_test, transfer.gain_dn_per_e.value(), cause);
             if let Some(test) = transfer.responsivity_test {
                 add("R", colour, test, transfer.responsivity_dn.value(), None);

@@ -73,7 +73,10 @@ pub fn evaluate_gain(
     let (stacks, stack_flags) = stacks(points, hot, bright);
     let is_usable_stack =
         |p: &&FlaggedPoint<'_>| p.point.kind == Kind::Flat && p.point.is_stack() && p.flags.is_usable();
-    let flat_stack = points.iter().find(is_usable_stack).map(|p| &p.found);
+    let flat_stack = points
+        .iter()
+        .filter(is_usable_stack)
+        .find_map(|flat| Some(Pair { point: flat.point, flat: &flat.found, dark: &dark_of(flat)?.found }));
     let selected = Selected { pairs, darks, stacks, flat_stack };
     let channels: Vec<ChannelResult> = captures
         .sensor
@@ -212,8 +215,8 @@ struct Selected<'a> {
     darks: Vec<&'a FlaggedPoint<'a>>,
     /// The stacks of the non-uniformity.
     stacks: Option<Stacks<'a>>,
-    /// A flat stack in which nothing moves.
-    flat_stack: Option<&'a PointStatistics>,
+    /// A flat stack in which nothing moves, with the dark frames of its exposure time.
+    flat_stack: Option<Pair<'a>>,
 }
 
 /// The digital numbers of all pairs of points.
@@ -237,9 +240,11 @@ fn shared_noise(
         pair.flat.colour(colour).filter(|_| is_lit).map(|moments| moments.neighbours)
     };
     let neighbours = selected.pairs.iter().zip(&points[..used]).filter_map(of_point);
-    let stack = selected.flat_stack.and_then(|stack| stack.colour(colour));
-    let lit_stack = stack.filter(|m| is_light(m.variance_dn2, points[0].dark_variance_dn2));
-    SharedNoise::of(NeighbourNoise::pooled(neighbours), lit_stack.and_then(|m| m.between_frames))
+    let between_frames = selected.flat_stack.as_ref().and_then(|stack| {
+        let (flat, dark) = (stack.flat.colour(colour)?, stack.dark.colour(colour)?);
+        flat.between_frames.filter(|_| is_light(flat.variance_dn2, dark.variance_dn2))
+    });
+    SharedNoise::of(NeighbourNoise::pooled(neighbours), between_frames)
 }
 
 /// Evaluates one colour; `None` if it has no points.

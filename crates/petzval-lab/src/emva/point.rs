@@ -23,7 +23,7 @@ use super::line_covariance::{LineCovariance, LineModel};
 use super::line_noise::{LineNoise, LineSums, double_differences};
 use super::measured::Measured;
 use super::samples::clamp_dn;
-use super::shared_noise::{LastFrame, NeighbourNoise, frame_correlation};
+use super::shared_noise::{FrameSteps, LastFrame, NeighbourNoise, frame_correlation};
 use super::tile_range::tile_range_dn;
 use petzval_camera::sensor::{CfaPattern, Colour};
 use petzval_files::raw_file::{RawFrame, RawInfo};
@@ -250,8 +250,8 @@ struct Class {
     table: Vec<u64>,
     variance: f64,
     variance_squared: f64,
-    /// Sum over pixels and frames of the squared steps from frame to frame, DN^2; zero where they are not looked at.
-    steps: u64,
+    /// Squared steps from frame to frame, of flat stacks.
+    steps: Option<FrameSteps>,
     neighbours: NeighbourNoise,
     lines: LineSums,
 }
@@ -268,10 +268,8 @@ impl Class {
         let of_pixels_dn2 = (self.variance_squared / n - mean_variance * mean_variance).max(0.0) / n;
         let lines = &self.lines;
         let has = |pixels: &[usize]| pixels.iter().map(|n| *n > 0).collect();
-        let between_frames = (self.steps > 0).then(|| {
-            let squares = [self.steps as f64, self.variance * (l - 1.0)];
-            frame_correlation(lines, &self.frame_sums, self.pixels, squares)
-        });
+        let between_frames =
+            self.steps.map(|steps| frame_correlation(lines, &self.frame_sums, self.pixels, steps));
         Moments {
             pixels: self.pixels,
             mean_dn,
@@ -318,7 +316,7 @@ pub fn reduce(
         table: vec![0; 1 << bits],
         variance: 0.0,
         variance_squared: 0.0,
-        steps: 0,
+        steps: None,
         neighbours: NeighbourNoise::default(),
         lines: LineSums::new(frames, size),
     };
@@ -333,6 +331,8 @@ pub fn reduce(
     let block_of = |row: usize, col: usize| row * BLOCKS / height * BLOCKS + col * BLOCKS / width;
     let is_flat_stack = point.kind == Kind::Flat && point.is_stack();
     let mut before: Vec<u16> = Vec::new();
+    // Sum over the frames of the squared steps of each pixel, DN^2.
+    let mut steps = vec![0.0f32; if is_flat_stack { pixels } else { 0 }];
 
     // Read frame by frame: sums per pixel, per colour, per block, and the histogram of each colour.
     for (k, file) in point.frames.iter().enumerate() {
@@ -361,8 +361,9 @@ pub fn reduce(
                 class[kinds[col % cfa.cols()]].lines.doubles[row].squares += (d * d) as f64;
             }
             if is_flat_stack && k > 0 {
-                for (col, (before, dn)) in before[span.clone()].iter().zip(&frame.dn[span]).enumerate() {
-                    class[kinds[col % cfa.cols()]].steps += u64::from(before.abs_diff(*dn)).pow(2);
+                let of_row = before[span.clone()].iter().zip(&frame.dn[span.clone()]);
+                for (step, (before, dn)) in steps[span].iter_mut().zip(of_row) {
+                    *step += f32::from(before.abs_diff(*dn)).powi(2);
                 }
             }
         }
@@ -399,6 +400,14 @@ pub fn reduce(
             doubles.squares_of_sum += (d as f64).powi(2);
         }
     }
+    // The steps from frame to frame, of the pixels of each colour.
+    if is_flat_stack {
+        for (index, c) in class.iter_mut().enumerate() {
+            let is_own = |i: &usize| class_of[i / width % cfa.rows()][i % width % cfa.cols()] == index;
+            let of_pixel = |i: usize| (f64::from(steps[i]), variance_of(i));
+            c.steps = FrameSteps::of((0..pixels).filter(is_own).map(of_pixel), frames);
+        }
+    }
     // The noise that neighbours share, of flat frames: their light makes most of it.
     if point.kind == Kind::Flat {
         let point = LastFrame {
@@ -414,7 +423,7 @@ pub fn reduce(
         class.iter_mut().zip(found).for_each(|(c, found)| c.neighbours = found);
     }
     // All pixels together are the sum of the colours.
-    let mut all = Class { steps: 0, neighbours: NeighbourNoise::default(), ..class[0].clone() };
+    let mut all = Class { steps: None, neighbours: NeighbourNoise::default(), ..class[0].clone() };
     for c in &class[1..] {
         all.pixels += c.pixels;
         all.variance += c.variance;

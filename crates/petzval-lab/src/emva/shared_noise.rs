@@ -23,6 +23,7 @@ use serde::Serialize;
 
 use super::line_noise::LineSums;
 use super::measured::Measured;
+use petzval_base::statistics::median;
 
 /// Standard errors beyond which a correlation is no chance.
 const SHARED_SIGMAS: f64 = 5.0;
@@ -189,13 +190,44 @@ impl NeighbourNoise {
     }
 }
 
-/// Correlation of the noise of a frame with that of the frame before, of a stack of so many pixels. `steps_dn2` is the sum over pixels and frames of the
-/// squared steps from frame to frame, `squares_dn2` that of the squared deviations from the mean of the frames.
+/// Largest variance of a pixel, in medians, for few degrees of freedom `n` `FAR_VARIANCE + FAR_VARIANCE_OF_FEW / n`. Chance exceeds it in fewer than
+/// one pixel of ten thousand. Telegraph pixels, whose noise is correlated in itself, lie beyond.
+const FAR_VARIANCE: f64 = 4.0;
+const FAR_VARIANCE_OF_FEW: f64 = 20.0;
+
+/// Steps from frame to frame, of the pixels of one colour whose variance is near that of the others.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct FrameSteps {
+    /// Pixels.
+    pixels: usize,
+    /// Sum over pixels and frames of the squared steps from frame to frame, DN^2.
+    steps_dn2: f64,
+    /// Sum over pixels and frames of the squared deviations from the mean of the frames, DN^2.
+    squares_dn2: f64,
+}
+
+impl FrameSteps {
+    /// Adds up pixels of so many frames, each with its sum of squared steps and its temporal variance, DN^2. `None` without noise.
+    pub(super) fn of(pixels: impl Iterator<Item = (f64, f64)> + Clone, frames: usize) -> Option<Self> {
+        let degrees = frames as f64 - 1.0;
+        let limit_dn2 = (FAR_VARIANCE + FAR_VARIANCE_OF_FEW / degrees)
+            * median(pixels.clone().map(|(_, variance_dn2)| variance_dn2));
+        let mut found = Self { pixels: 0, steps_dn2: 0.0, squares_dn2: 0.0 };
+        for (steps_dn2, variance_dn2) in pixels.filter(|(_, variance_dn2)| *variance_dn2 <= limit_dn2) {
+            found.pixels += 1;
+            found.steps_dn2 += steps_dn2;
+            found.squares_dn2 += degrees * variance_dn2;
+        }
+        (found.squares_dn2 > 0.0).then_some(found)
+    }
+}
+
+/// Correlation of the noise of a frame with that of the frame before, of a stack of so many pixels, those that are left out of `found` included.
 pub(super) fn frame_correlation(
     lines: &LineSums,
     frame_sums: &[u64],
     pixels: usize,
-    [steps_dn2, squares_dn2]: [f64; 2],
+    found: FrameSteps,
 ) -> Measured {
     let steps = |sums: &[f64]| sums.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum::<f64>();
     let squares = |sums: &[f64]| {
@@ -216,9 +248,11 @@ pub(super) fn frame_correlation(
         of_lines(&lines.rows, &lines.row_pixels) + of_lines(&lines.columns, &lines.column_pixels)
             - of(&whole) / pixels as f64
     };
-    let (steps_dn2, squares_dn2) = (steps_dn2 - shared(&steps), squares_dn2 - shared(&squares));
+    let kept = found.pixels as f64 / pixels as f64;
+    let steps_dn2 = found.steps_dn2 - kept * shared(&steps);
+    let squares_dn2 = found.squares_dn2 - kept * shared(&squares);
     let frames = frame_sums.len() as f64;
-    let error = ((frames - 2.0) / ((frames * frames - 1.0) * pixels as f64)).sqrt();
+    let error = ((frames - 2.0) / ((frames * frames - 1.0) * found.pixels as f64)).sqrt();
     Measured::new(1.0 - steps_dn2 / (2.0 * squares_dn2), error)
 }
 
@@ -373,8 +407,15 @@ mod tests {
                 let mut one = || -> f64 { StandardNormal.sample(&mut rng) };
                 // Light that wanders moves whole frames.
                 let light = 500.0 + 3.0 * k as f64;
+                // Few pixels jump once, by far more than the noise.
+                let jumps = |i: usize| match i % 1000 {
+                    7 if k >= FRAMES / 2 => 200.0f64,
+                    507 if k >= FRAMES / 2 => -200.0,
+                    _ => 0.0,
+                };
                 state.iter_mut().for_each(|v| *v = (1.0 - share) * 20.0 * one() + share * *v);
-                let dn: Vec<u64> = state.iter().map(|v| (light + v).round() as u64).collect();
+                let value = |(i, v): (usize, &f64)| (light + v + jumps(i)).round() as u64;
+                let dn: Vec<u64> = state.iter().enumerate().map(value).collect();
                 for (i, dn) in dn.iter().enumerate() {
                     lines.rows[k][i / SIZE] += dn;
                     lines.columns[k][i % SIZE] += dn;
@@ -382,16 +423,14 @@ mod tests {
                 frame_sums.push(dn.iter().sum());
                 frames.push(dn.iter().map(|dn| *dn as f64).collect());
             }
-            let steps: f64 = frames
-                .windows(2)
-                .map(|pair| pair[0].iter().zip(&pair[1]).map(|(a, b)| (b - a).powi(2)).sum::<f64>())
-                .sum();
             let of_pixel = |i: usize| {
                 let mean = frames.iter().map(|frame| frame[i]).sum::<f64>() / FRAMES as f64;
-                frames.iter().map(|frame| (frame[i] - mean).powi(2)).sum::<f64>()
+                let squares = frames.iter().map(|frame| (frame[i] - mean).powi(2)).sum::<f64>();
+                let steps = frames.windows(2).map(|pair| (pair[1][i] - pair[0][i]).powi(2)).sum::<f64>();
+                (steps, squares / (FRAMES - 1) as f64)
             };
-            let squares: f64 = (0..SIZE * SIZE).map(of_pixel).sum();
-            let found = frame_correlation(&lines, &frame_sums, SIZE * SIZE, [steps, squares]);
+            let steps = FrameSteps::of((0..SIZE * SIZE).map(of_pixel), FRAMES).unwrap();
+            let found = frame_correlation(&lines, &frame_sums, SIZE * SIZE, steps);
             let error = found.standard_error().unwrap();
             assert!((error - 0.0024).abs() < 1e-4, "{found:?}");
             // The mean of 16 frames takes a share of the correlation.

@@ -114,7 +114,9 @@ impl PhotonTransfer {
     pub(super) fn with_shared_noise(mut self, shared: SharedNoise) -> Self {
         let error = shared.missing_share() * self.gain_dn_per_e.value().unwrap_or(0.0);
         self.gain_test.model_error = self.gain_test.model_error.hypot(error);
-        self.straightened_gain_dn_per_e = None;
+        if shared.is_far() {
+            self.straightened_gain_dn_per_e = None;
+        }
         self.shared_noise = Some(shared);
         if shared.is_far() && self.gain_dn_per_e.value().is_some() {
             self.gain_test.verdict = Verdict::Withdrawn;

@@ -440,7 +440,7 @@ warnings! {
         colour: Colour,
         /// Flat points that have it.
         points: usize,
-        /// Largest share of it in the noise of light, percent.
+        /// Largest share of it in the variance above dark, percent.
         percent: f64,
     } => "at gain {linear_gain}, {}, rows of {points} flat points share noise that dark frames lack, up to {percent:.1} % of the noise of light, as if the light flickers while a rolling shutter reads; K leaves it out", colour_name(*colour);
 }

@@ -422,7 +422,6 @@ impl<'a> Profile<'a> {
             half_px: self.half() as f64,
             step: self.step(),
             height: self.region.height as f64,
-            bands: self.bands,
         };
         match beside.ghost(&self.samples) {
             Some(Ghost { distance_px, share }) => Err(SfrError::Ghost { distance_px, share }),

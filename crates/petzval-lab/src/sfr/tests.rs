@@ -636,3 +636,17 @@ fn a_ghost_of_the_edge_is_refused_and_smooth_light_is_not() {
     }
     assert!(whole(&with_noise(&one, 0.006, 5)).is_ok());
 }
+
+#[test]
+fn correlated_noise_beside_a_short_edge_is_no_ghost() {
+    for (height, seed) in [24, 40].into_iter().flat_map(|height| (0..12).map(move |seed| (height, seed))) {
+        let edge = Edge { height, ..Edge::at(5.0, SIGMA) };
+        // Noise that each pixel shares with its neighbours, as after demosaicing: twice the mean of a cell of 2x2 pixels.
+        let noise = with_noise(&vec![0.0; height * SIDE], 0.02, seed);
+        let at = |i: usize| noise[i % noise.len()];
+        let smooth = |i: usize| 0.5 * (at(i) + at(i + 1) + at(i + SIDE) + at(i + SIDE + 1));
+        let noisy: Vec<f32> = edge.light().iter().enumerate().map(|(i, v)| v + smooth(i)).collect();
+        let found = edge.measured(&noisy);
+        assert!(!matches!(found, Err(SfrError::Ghost { .. })), "{height}, {seed}: {found:?}");
+    }
+}

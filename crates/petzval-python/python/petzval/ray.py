@@ -13,6 +13,7 @@ may wait for a machine whose network is cut as long as for one that works.
 from __future__ import annotations
 
 import ctypes
+import hashlib
 import json
 import os
 import signal
@@ -24,6 +25,8 @@ from pathlib import Path
 from typing import Any
 
 import ray
+
+from ._errors import InputError, Place
 
 __all__ = ["UnitResult", "results", "run_units", "submit_units"]
 
@@ -121,19 +124,52 @@ def run_units(
 
 
 def results(units: str | os.PathLike[str], *, store: str | os.PathLike[str]) -> list[UnitResult]:
-    """What became of the units of a file that have ended, in its order."""
+    """What became of the units of a file that have ended, in its order.
+
+    Raises:
+        InputError: A `result.json` does not agree with its `sha256`: it was edited.
+    """
     found = []
     for name, key in _keys(Path(units).resolve()):
         folder = Path(store) / key
         result, error = folder / "result.json", folder / "error.json"
         if result.is_file():
-            kept = json.loads(result.read_text(encoding="utf-8"))
+            kept = _kept(result)
             files = kept["files"] and folder / ("files" if (folder / "files").is_dir() else kept["files"])
             found.append(UnitResult(name, key, kept["response"], None, files))
         elif error.is_file():
             kept = json.loads(error.read_text(encoding="utf-8"))
             found.append(UnitResult(name, key, None, kept["error"]["message"], None))
     return found
+
+
+class _Number(str):
+    """A number as it stands in a text."""
+
+
+def _kept(path: Path) -> dict[str, Any]:
+    """The result of a unit. Fails if it does not agree with its `sha256`; results of early builds have none."""
+    text = path.read_text(encoding="utf-8")
+    kept: dict[str, Any] = json.loads(text)
+    if "sha256" not in kept:
+        return kept
+    # The digest is that of the digits in the file: Python prints 1e-7 as 1e-07.
+    rest = json.loads(text, parse_float=_Number, parse_int=_Number)
+    del rest["sha256"]
+    if hashlib.sha256(_canonical(rest).encode()).hexdigest() != kept["sha256"]:
+        message = "this is not what the unit wrote: its content does not agree with its `sha256`"
+        hint = "put it back from a copy, or run the unit again with --retry, which sets its folder aside"
+        raise InputError(f"{path}: {message}", message=message, place=Place(path=path), hint=hint, kind="input")
+    return kept
+
+
+def _canonical(value: Any) -> str:
+    """JSON without spaces and with sorted keys. Numbers are `_Number`."""
+    if isinstance(value, dict):
+        return "{" + ",".join(f"{_canonical(key)}:{_canonical(value[key])}" for key in sorted(value)) + "}"
+    if isinstance(value, list):
+        return "[" + ",".join(map(_canonical, value)) + "]"
+    return str(value) if isinstance(value, _Number) else json.dumps(value, ensure_ascii=False)
 
 
 def _keys(file: Path) -> list[tuple[str, str]]:

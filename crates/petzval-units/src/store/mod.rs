@@ -34,8 +34,9 @@ use std::time::Duration;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde_json::Value;
 
-use self::record::{AttemptRecord, StoreRecord, UnitRecord};
+use self::record::{AttemptRecord, StoreRecord, UnitRecord, is_as_written};
 use crate::unit::{Key, PROGRAM, Prepared, Unit};
 
 pub use attempt::{Attempt, Begun};
@@ -150,24 +151,24 @@ impl Store {
     /// The result of a unit; none if it has none yet. Fails if it was edited, or is that of another unit.
     pub fn result(&self, key: &Key) -> Result<Option<StoredResult>, StoreError> {
         let path = self.result_file(key);
-        match self.read_if_there::<StoredResult>(&path)? {
-            // A file that was copied by hand: its figures are those of other values.
-            Some(other) if other.key != *key => {
-                let (name, short) = (&other.unit.name, other.key.short());
-                let message = format!("this is the result of another unit, \"{name}\" with the key {short}");
-                Err(StoreError::wrong(
-                    &path,
-                    message,
-                    "run the unit again with --retry, which sets its folder aside",
-                ))
-            }
-            Some(edited) if !edited.is_as_written() => {
-                let message = "this is not what the unit wrote: its content does not agree with its `sha256`";
-                let hint = "put it back from a copy, or run the unit again with --retry, which sets its folder aside";
-                Err(StoreError::wrong(&path, message, hint))
-            }
-            result => Ok(result),
+        let Some(bytes) = self.bytes_if_there(&path)? else { return Ok(None) };
+        // The digest is that of the file. A `StoredResult` may add fields that have a default.
+        let written: Value = self.parse(&bytes, &path)?;
+        if !is_as_written(&written) {
+            let message = "this is not what the unit wrote: its content does not agree with its `sha256`";
+            let hint =
+                "put it back from a copy, or run the unit again with --retry, which sets its folder aside";
+            return Err(StoreError::wrong(&path, message, hint));
         }
+        let result: StoredResult = self.parse(&bytes, &path)?;
+        // A file that was copied by hand: its figures are those of other values.
+        if result.key != *key {
+            let (name, short) = (&result.unit.name, result.key.short());
+            let message = format!("this is the result of another unit, \"{name}\" with the key {short}");
+            let hint = "run the unit again with --retry, which sets its folder aside";
+            return Err(StoreError::wrong(&path, message, hint));
+        }
+        Ok(Some(result))
     }
 
     /// The folder of the results of a unit; none if its job wrote nothing.
@@ -211,15 +212,24 @@ impl Store {
 
     /// The value in a file; none if there is no such file.
     fn read_if_there<T: DeserializeOwned>(&self, path: &Path) -> Result<Option<T>, StoreError> {
-        let bytes = match self.layer.read(path) {
-            Ok(bytes) => bytes,
+        self.bytes_if_there(path)?.map(|bytes| self.parse(&bytes, path)).transpose()
+    }
+
+    /// The content of a file; none if there is no such file.
+    fn bytes_if_there(&self, path: &Path) -> Result<Option<Vec<u8>>, StoreError> {
+        match self.layer.read(path) {
+            Ok(bytes) => Ok(Some(bytes)),
             // ESTALE: another machine has replaced the file between two requests to the server. It is there again at the next look.
             Err(error) if error.kind() == ErrorKind::NotFound || error.raw_os_error() == Some(116) => {
-                return Ok(None);
+                Ok(None)
             }
-            Err(error) => return Err(StoreError::io(path)(error)),
-        };
-        serde_json::from_slice(&bytes).map(Some).map_err(|e| {
+            Err(error) => Err(StoreError::io(path)(error)),
+        }
+    }
+
+    /// The value in the content of a file.
+    fn parse<T: DeserializeOwned>(&self, bytes: &[u8], path: &Path) -> Result<T, StoreError> {
+        serde_json::from_slice(bytes).map_err(|e| {
             let remedy = if path.parent() == Some(self.root.as_path()) {
                 format!(
                     "write {{\"format\": {STORE_FORMAT}, \"program\": \"{PROGRAM}\"}} there if this version made the results"

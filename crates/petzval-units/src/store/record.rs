@@ -1,5 +1,6 @@
 //! The files of a unit in a store, as values.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use petzval_design::run::{Holder, hex};
@@ -137,18 +138,117 @@ pub struct StoredResult {
 }
 
 impl StoredResult {
-    /// The same with its digest. Fails if it cannot be JSON.
+    /// The same with the digest of its JSON. Fails if it cannot be JSON.
     pub(super) fn with_digest(self) -> serde_json::Result<Self> {
-        Ok(Self { sha256: Some(self.digest()?), ..self })
+        // The digest is that of the text as it will be read.
+        let written: Value = serde_json::from_str(&serde_json::to_string(&self)?)?;
+        Ok(Self { sha256: Some(digest(&written)), ..self })
+    }
+}
+
+/// Whether the JSON of a result agrees with its `sha256`, or has none.
+pub(super) fn is_as_written(result: &Value) -> bool {
+    result.get("sha256").is_none_or(|written| written.as_str() == Some(digest(result).as_str()))
+}
+
+/// The digest of the JSON of a result, without its `sha256`.
+fn digest(result: &Value) -> String {
+    let mut rest = result.clone();
+    if let Some(keys) = rest.as_object_mut() {
+        keys.remove("sha256");
+    }
+    hex(Sha256::new_with_prefix(canonical(&rest)))
+}
+
+/// JSON without spaces and with sorted keys. The keys of a `Value` are sorted only without serde_json's feature `preserve_order`.
+fn canonical(of: &Value) -> String {
+    match of {
+        Value::Object(keys) => {
+            let sorted: BTreeMap<&String, &Value> = keys.iter().collect();
+            let items: Vec<String> = sorted
+                .into_iter()
+                .map(|(key, value)| format!("{}:{}", Value::from(key.as_str()), canonical(value)))
+                .collect();
+            format!("{{{}}}", items.join(","))
+        }
+        Value::Array(items) => {
+            let items: Vec<String> = items.iter().map(canonical).collect();
+            format!("[{}]", items.join(","))
+        }
+        other => other.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A result whose digest is that of Python: `hashlib.sha256` of `json.dumps` with `sort_keys`, `separators=(",", ":")` and
+    /// `ensure_ascii=False`. It has to be believed by every later build.
+    const FROZEN: &str = r#"{
+  "format": 1,
+  "unit": {
+    "name": "façade \u2028\u0001\n\"é/\\",
+    "call": {
+      "format": 1,
+      "job": "lens-trace",
+      "request": {"pupil": [0.0, -1], "lens": "cooke-triplet-nominal", "field": 2.5, "Z": {}, "é": [], "a": {"c": true, "b": null}}
+    },
+    "simd": "avx2",
+    "version": "0.1.0"
+  },
+  "key": "00ff",
+  "inputs": [],
+  "attempt": 1,
+  "response": {"z": 0.1, "a": {"y": [2.5, 3, 18446744073709551615], "x": "1e5"}},
+  "files": null,
+  "cost": {
+    "holder": {"host": "node", "pid": 7, "process_start": 12, "system": ""},
+    "began": "2026-01-02 03:04:05",
+    "seconds": 2.5,
+    "cpu_seconds": 0.1,
+    "all_cpu_seconds": 0.1,
+    "peak_memory_mb": 2.5,
+    "threads": 1,
+    "simd": "avx2",
+    "widest_simd": "avx2"
+  },
+  "sha256": "b5c70d3f52d43215bb591b647610018437b2616c7f5adcbd4c55350e076b5fb8"
+}"#;
+
+    #[test]
+    fn a_frozen_result_agrees_with_its_digest_in_any_order_of_its_keys() {
+        let frozen: Value = serde_json::from_str(FROZEN).unwrap();
+        assert_eq!(frozen["sha256"], digest(&frozen));
+        assert!(is_as_written(&frozen));
+        serde_json::from_str::<StoredResult>(FROZEN).unwrap();
+        let reordered =
+            FROZEN.replace("\"z\": 0.1, \"a\": {", "\"a\": {").replace("\"1e5\"}}", "\"1e5\"}, \"z\": 0.1}");
+        assert_ne!(reordered, FROZEN);
+        assert!(is_as_written(&serde_json::from_str(&reordered).unwrap()));
     }
 
-    /// Whether it agrees with its digest, or has none.
-    pub(super) fn is_as_written(&self) -> bool {
-        self.sha256.as_ref().is_none_or(|written| self.digest().is_ok_and(|digest| digest == *written))
+    #[test]
+    fn an_edit_is_seen_and_a_result_without_digest_is_believed() {
+        let edited = |from: &str, to: &str| -> Value {
+            let text = FROZEN.replacen(from, to, 1);
+            assert_ne!(text, FROZEN);
+            serde_json::from_str(&text).unwrap()
+        };
+        assert!(!is_as_written(&edited("\"z\": 0.1", "\"z\": 0.2")));
+        assert!(!is_as_written(&edited("\"attempt\": 1,", "\"attempt\": 1, \"more\": 1,")));
+        assert!(!is_as_written(&edited("\"sha256\": \"b5", "\"sha256\": \"b6")));
+        let mut earlier = edited("\"z\": 0.1", "\"z\": 0.2");
+        assert!(earlier.as_object_mut().unwrap().remove("sha256").is_some());
+        assert!(is_as_written(&earlier));
     }
 
-    fn digest(&self) -> serde_json::Result<String> {
-        let rest = serde_json::to_value(Self { sha256: None, ..self.clone() })?;
-        Ok(hex(Sha256::new_with_prefix(rest.to_string())))
+    #[test]
+    fn a_result_with_its_digest_is_as_written() {
+        let mut result: StoredResult = serde_json::from_str(FROZEN).unwrap();
+        result.response = serde_json::json!({"b": [-0.0, 1e-7, 1e300], "a": "\u{7f}\u{1f600}"});
+        let text = serde_json::to_string_pretty(&result.with_digest().unwrap()).unwrap();
+        let written: Value = serde_json::from_str(&text).unwrap();
+        assert!(written["sha256"].is_string() && is_as_written(&written));
     }
 }

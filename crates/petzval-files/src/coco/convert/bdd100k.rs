@@ -163,7 +163,7 @@ pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Res
             let are_other = |(a, b): (&Loose, &Loose)| ![a, b].contains(&&Loose::Absent) && a != b;
             let is_of_other_time = first.as_ref().is_some_and(|first| first.iter().zip(&time).any(are_other));
             let said = || format!("{}: {name}: {}", path.display(), file.display());
-            if is_of_other_film || is_of_other_time {
+            if first.is_some() && (is_of_other_film || is_of_other_time) {
                 builder.defects.add(DefectKind::SeveralTimes, said);
                 builder.leave_out(id);
             } else if first.is_some() {

@@ -150,14 +150,14 @@ fn lists<'f>(
     let files = files_below(&folder, cancel)?;
     let paths = files.iter().map(PathBuf::as_path).filter(|path| path.parent() == Some(&*folder));
     let mut lists = read_lists(paths, named)?;
-    // KITTI numbers the pictures of `testing`, which have no labels, from 0 as well. A list whose pictures are all in other lists is of them.
+    // KITTI numbers the pictures of `testing`, which have no labels, from 0 as well. So is a list for tests whose pictures are all in other lists.
     let has_testing = around.is_some_and(|around| around.join("testing").is_dir());
     let is_for_tests = |list: &PartList| list.part == "test";
     let others: HashSet<&Path> =
         lists.iter().filter(|list| !is_for_tests(list)).flat_map(PartList::files).collect();
-    let is_of_testing = |list: &PartList| {
-        if others.is_empty() { has_testing } else { list.files().all(|file| others.contains(file)) }
-    };
+    let is_in_others =
+        |list: &PartList| list.files().next().is_some() && list.files().all(|file| others.contains(file));
+    let is_of_testing = |list: &PartList| has_testing || is_in_others(list);
     lists.retain(|list| !is_for_tests(list) || !is_of_testing(list));
     Ok(lists)
 }

@@ -107,7 +107,9 @@ fn compressed(linear_gain: f64, channel: &ChannelResult) -> Option<Warning> {
 /// Flat points of one colour whose rows flicker.
 fn row_flicker(linear_gain: f64, channel: &ChannelResult) -> Option<Warning> {
     let colour = channel.colour;
-    let of_point = |p: &TransferPoint| 100.0 * p.row_flicker_dn2 / p.shot_variance_dn2();
+    // The variance above dark with the flicker: without it nothing may be left.
+    let with_flicker = |p: &TransferPoint| (p.variance_dn2 - p.dark_variance_dn2).max(p.row_flicker_dn2);
+    let of_point = |p: &TransferPoint| 100.0 * p.row_flicker_dn2 / with_flicker(p);
     let shares = channel.points.iter().filter(|p| p.row_flicker_dn2 > 0.0).map(of_point);
     let (points, percent) =
         shares.fold((0, 0.0), |(points, most), share| (points + 1, f64::max(most, share)));

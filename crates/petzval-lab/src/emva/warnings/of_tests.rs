@@ -1,14 +1,11 @@
 //! Warnings about fits whose points do not lie on their model.
 
-use crate::emva::fits::{COMPRESSED, NamedFit, SHARED_NOISE};
+use crate::emva::fits::{COMPRESSED, NamedFit, SHARED_NOISE, WORTH_A_WARNING};
 use crate::emva::goodness::Verdict;
 use crate::emva::warning::Warning;
 
-/// Share of a number from which on the error that a departure adds is worth a warning: every real lamp drifts by less.
-const WORTH_A_WARNING: f64 = 0.01;
-
 /// The fits that are withdrawn, or widened by more than a hundredth of their number. Histograms, hot pixels that fill and
-/// compressed numbers and noise that pixels share have warnings of their own.
+/// compressed numbers and noise that pixels share have warnings of their own, unless the fit departs by itself as well.
 pub fn departures(fits: &[NamedFit]) -> Vec<Warning> {
     let is_worth_it = |fit: &&NamedFit| match fit.test.verdict {
         Verdict::Untested | Verdict::Holds | Verdict::Stated => false,
