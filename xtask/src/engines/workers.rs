@@ -51,7 +51,7 @@ fn signalled(tools: &Tools, units: &Units, signal: &str) -> Result<Duration, Str
     let only_one = |command: &mut Command| {
         command.args(["--shard", &format!("0/{}", units.count)]).stdout(Stdio::null());
     };
-    let mut command = unit_run(&tools.petzval, &units.file, &store);
+    let mut command = with_all_signals(&unit_run(&tools.petzval, &units.file, &store));
     only_one(&mut command);
     let mut child = command.spawn().map_err(|e| e.to_string())?;
     until("a checkpoint", Duration::from_secs(60), || Ok(!checkpoints(&store).is_empty()))?;
@@ -125,6 +125,13 @@ fn on_machine(name: &str, command: &Command) -> Command {
     named.args(["--user", "--map-root-user", "--uts", "sh", "-c", r#"hostname "$0" && exec "$@""#, name]);
     named.arg(command.get_program()).args(command.get_args());
     named
+}
+
+/// The same command with every signal as it is by default: under `nohup`, or in the background of a shell, a process ignores some.
+fn with_all_signals(command: &Command) -> Command {
+    let mut with_all = Command::new("env");
+    with_all.arg("--default-signal").arg(command.get_program()).args(command.get_args());
+    with_all
 }
 
 /// Whether processes may have names of machines of their own here.

@@ -46,11 +46,13 @@ pub(super) fn clamp_dn(histogram: &Counts, [median, high]: [f64; 2]) -> Option<u
     let step = second - dn;
     let is_even = third - second == step && fourth - third == step;
     let is_end = histogram.at(i64::from(dn) - i64::from(step)) == 0;
-    if !is_even || !is_end || c0 <= CLIPPED_SHARE * histogram.total() as f64 {
+    // Noise within a number or two has no shape that could be cut: a few electrons of dark current end at none by themselves.
+    let is_spread = high - median >= 2.0 * f64::from(step);
+    if !is_even || !is_end || !is_spread || c0 <= CLIPPED_SHARE * histogram.total() as f64 {
         return None;
     }
     // Noise that spreads over several numbers does not have most samples at its end.
-    let is_peak = c0 - c1 > PILE_SIGMAS * (c0 + c1).sqrt() && high - median >= 2.0 * f64::from(step);
+    let is_peak = c0 - c1 > PILE_SIGMAS * (c0 + c1).sqrt();
     (is_peak || is_cut_flank([c0, c1, c2, c3])).then_some(dn)
 }
 
@@ -184,6 +186,9 @@ mod tests {
                 assert_eq!(found(&cut), least(clamp), "{step} {sigma} {clamp}");
             }
         }
+        // Half an electron of dark current at 1 DN/e- with little read noise has no numbers below that of no electron.
+        let few_electrons = Counts { first_dn: 119, counts: vec![6065, 3033, 758, 126, 16, 2] };
+        assert_eq!(found(&few_electrons), None);
         // Dead pixels below do not hide the clamp, and are none.
         let dead = Counts { first_dn: 0, counts: vec![300] };
         assert_eq!(found(&normal(4e4, 100.2, 2.0, 97, 1).merge(&dead)), Some(97));
