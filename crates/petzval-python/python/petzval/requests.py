@@ -718,14 +718,15 @@ class Evaluate(TypedDict, total=False):
     accept_changed: list[str]
     """Files or folders of the run, by their path below it, that may differ from their digests."""
     data: str | None
-    """Labelled pictures: those of the run where they are now, or others, all of which are scored. A folder or a file
-    of annotations."""
+    """Labelled pictures: those of the run where they are now, or others, none of which is kept for training. A
+    folder or a file of annotations. `street.held_out` of the run is the number of windows that are scored."""
     device: str
     """Where tensors live."""
     made: "EvaluateMade1Made" | None
     """Also make cameras at random, whose lenses are off by their tolerances, and score them."""
     photos: str | None
-    """Photographs: those of the run where they are now, or others, all of which are scored."""
+    """Photographs: those of the run where they are now, or others, none of which is kept for training.
+    `scoring.pictures` of the run limits how many are scored."""
     psf: Literal['geometric'] | Literal['diffraction'] | None
     """PSFs by rays or by waves, in place of those of the run."""
     psfs: str | None
