@@ -36,6 +36,7 @@
 pub mod block_means;
 pub mod captures;
 pub mod characterize;
+mod clamp;
 mod colour_name;
 pub mod compat;
 pub mod compressed;

@@ -18,18 +18,15 @@ use serde::Serialize;
 
 use super::block_means::{BLOCKS, BlockMeans, block_means};
 use super::captures::{CaptureError, Captures, FrameFile, Kind, Point};
+use super::clamp::{CLIPPED_SHARE, clamp_dn};
 use super::counts::Counts;
 use super::line_covariance::{LineCovariance, LineModel};
 use super::line_noise::{LineNoise, LineSums, double_differences};
 use super::measured::Measured;
-use super::samples::clamp_dn;
 use super::shared_noise::{FrameSteps, LastFrame, NeighbourNoise, frame_correlation};
 use super::tile_range::tile_range_dn;
 use petzval_camera::sensor::{CfaPattern, Colour};
 use petzval_files::raw_file::{RawFrame, RawInfo};
-
-/// Share of samples at an end of the converter's range above which a point counts as clipped there.
-pub const CLIPPED_SHARE: f64 = 1e-4;
 
 /// By how much the moments of all pixels change without the defect pixels.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]

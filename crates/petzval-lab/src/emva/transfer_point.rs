@@ -3,7 +3,8 @@
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::point::{CLIPPED_SHARE, Moments};
+use super::clamp::CLIPPED_SHARE;
+use super::point::Moments;
 
 /// One setting with its flat and its dark frames.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]

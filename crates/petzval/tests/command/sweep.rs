@@ -55,7 +55,10 @@ fn what_is_wrong_is_refused_with_its_place_and_nothing_is_written() {
             "experiment = \"tiny.toml\"\nvariants = [\"nominal\", \"best\"]\n",
             &["s.toml:2:24: `variants = \"best\"`", "no such variant", "spot-optimised"],
         ),
-        ("experiment = \"tiny.toml\"\n[grid]\nloss.l1_weight = [1, 1.0]\n", &["stands twice", "give every value once"]),
+        (
+            "experiment = \"tiny.toml\"\n[grid]\nloss.l1_weight = [1, 1.0]\n",
+            &["stands twice", "give every value once"],
+        ),
         (
             "experiment = \"tiny.toml\"\njob = \"lens-show\"\n",
             &["s.toml:2:7:", "an experiment is named as well"],

@@ -2,8 +2,8 @@
 //!
 //! <https://doc.bdd100k.com/format.html>. Lanes and drivable areas without `box2d` are left out and counted, and so are lists that have no
 //! other labels: their pictures are no background. Another label without a box is an error of its own. A file of one picture has all labels
-//! of it. Frames of several times or films by the name of one picture are an error, and a folder of the name of a film has its
-//! pictures; other entries of a picture in a list are noted, and their labels come together. The colour of a traffic light becomes the attribute `state`: `red`, `yellow` and `green`, or `R`, `Y` and `G`. Objects with `crowd` or `ignored` are crowds. A stated `size` is that of the picture. Labels of whole
+//! of it. A folder of the name of a film has its pictures. Frames of several times or films by the name of
+//! one picture are an error; other entries of a picture in a list are noted, and their labels come together. The colour of a traffic light becomes the attribute `state`: `red`, `yellow` and `green`, or `R`, `Y` and `G`. Objects with `crowd` or `ignored` are crowds. A stated `size` is that of the picture. Labels of whole
 //! pictures, such as the weather, are not read.
 
 use std::collections::{BTreeMap, HashMap};
