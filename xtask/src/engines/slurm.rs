@@ -14,7 +14,7 @@ use super::{Ended, Tools};
 const TASKS: usize = 2;
 
 /// Rounds of a search: two of them outlast the time of grace, in which a task without a signal of its own goes on.
-const ROUNDS: usize = 80;
+const ROUNDS: usize = 50;
 
 pub fn run(tools: &Tools) -> Result<Ended, String> {
     let missing = missing();
