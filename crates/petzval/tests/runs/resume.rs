@@ -211,14 +211,14 @@ fn a_run_that_is_to_outlive_its_terminal_does() {
 
 #[test]
 fn a_run_on_a_full_disk_ends_with_an_error_and_resumes() {
-    // No file may grow beyond so many blocks of 512 bytes: no checkpoint, or no record of the run.
-    for blocks in [32, 8] {
+    // No file may grow beyond so many blocks of 512 bytes: no checkpoint, or no record of the run, which has not begun then.
+    for (blocks, hint) in [(32, "--resume"), (8, "make room and try again")] {
         let folder = tempfile::tempdir().unwrap();
         let child = started_by_shell(folder.path(), &format!("trap '' XFSZ; ulimit -f {blocks}"));
         let full = outcome(child.wait_with_output().unwrap());
         assert_eq!(full.code, Some(1), "{blocks}: {}", full.stderr);
         assert!(
-            full.says("File too large") && full.says("run/") && full.says("--resume"),
+            full.says("File too large") && full.says("run/") && full.says(hint),
             "{blocks}: {}",
             full.stderr
         );
