@@ -123,7 +123,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
 fn of_pictures(trained_on: usize) -> String {
     match trained_on {
         0 => "other pictures than those of the run".to_owned(),
-        some => format!("pictures of which the run was trained on {some}"),
+        some => format!("pictures ({some} of them trained the run)"),
     }
 }
 

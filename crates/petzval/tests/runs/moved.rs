@@ -151,7 +151,7 @@ fn finished_cameras_are_scored_on_other_pictures_with_ranges() {
         "95 % range of",
         "end-to-end less nominal, PSNR dB: ",
         "means over 3 photographs at",
-        "pictures of which the run was trained on 1: other",
+        "pictures (1 of them trained the run): other",
     ] {
         assert!(said.stdout.contains(words), "{words}: {}", said.stdout);
     }
