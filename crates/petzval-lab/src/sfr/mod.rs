@@ -97,9 +97,10 @@ pub fn slanted_edge(plane: &Plane, window: &Window) -> Result<EdgeResponse, SfrE
     let across = if is_upright { guess.normal[0] } else { guess.normal[1] };
     let region = Region::turned(&pixels, is_upright, across < 0.0);
     let profile = profile_of(&region, &guess)?;
+    // First the ghost: light that is fitted to its step leaves its own side uneven.
+    profile.check_ghost()?;
     profile.check_sides()?;
     clipping::check(&profile)?;
-    profile.check_ghost()?;
     let sfr = profile.sfr();
     profile.check_sampling(&sfr)?;
     let [undershoot, overshoot] = profile.beyond_levels();

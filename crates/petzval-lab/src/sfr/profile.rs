@@ -62,6 +62,8 @@ pub struct Profile<'a> {
     region: &'a Region,
     pub path: Path,
     blur_px: f64,
+    /// The step between the planes of light of the fit.
+    fitted_step: f64,
     pub sides: Sides,
     samples: Vec<Sample>,
     /// Shares of the step of the samples within the profile.
@@ -94,11 +96,11 @@ impl<'a> Profile<'a> {
         let limit = FIRST_DEVIATION.max(7.0 * fit.noise / fit.step);
         let mut is_left_out: Vec<bool> =
             deviations.iter().zip(&region.is_dead).map(|(d, is_dead)| *is_dead || *d > limit).collect();
-        let mut found = Self::about(region, &path, fit.blur_px, &is_left_out, bands)
+        let mut found = Self::about(region, &path, &fit, &is_left_out, bands)
             .map_err(|error| because(error, &deviations, &is_left_out))?;
         for _ in 0..ROUNDS {
             path = found.refined_path();
-            found = Self::about(region, &path, fit.blur_px, &is_left_out, bands)?;
+            found = Self::about(region, &path, &fit, &is_left_out, bands)?;
             let compared = found.deviations();
             is_left_out = marked(region, &compared);
             deviations = compared.iter().map(|of| of.map_or(0.0, |(deviation, _)| deviation.abs())).collect();
@@ -106,7 +108,7 @@ impl<'a> Profile<'a> {
             if left_out as f64 > MOST_LEFT_OUT * region.values.len() as f64 {
                 return Err(because(SfrError::Uneven { deviation: 0.0 }, &deviations, &is_left_out));
             }
-            found = Self::about(region, &path, fit.blur_px, &is_left_out, bands)
+            found = Self::about(region, &path, &fit, &is_left_out, bands)
                 .map_err(|error| because(error, &deviations, &is_left_out))?;
         }
         Ok(found)
@@ -115,10 +117,11 @@ impl<'a> Profile<'a> {
     fn about(
         region: &'a Region,
         path: &Path,
-        blur_px: f64,
+        fit: &Fit,
         is_left_out: &[bool],
         bands: usize,
     ) -> Result<Self, SfrError> {
+        let (blur_px, fitted_step) = (fit.blur_px, fit.step);
         let sample = |i: usize| {
             let at = region.middle(i);
             let (distance, value) = (path.beside(at).distance, region.values[i]);
@@ -157,7 +160,20 @@ impl<'a> Profile<'a> {
         let (factor, spline, scatter) = fitted((PENALTY * density).max((scatter / PENALTY_NOISE).powi(2)));
         let left_out = is_left_out.iter().filter(|is| **is).count();
         let path = path.clone();
-        Ok(Self { region, path, blur_px, sides, samples, points, spline, factor, scatter, left_out, bands })
+        Ok(Self {
+            region,
+            path,
+            blur_px,
+            fitted_step,
+            sides,
+            samples,
+            points,
+            spline,
+            factor,
+            scatter,
+            left_out,
+            bands,
+        })
     }
 
     /// Pixels of the profile on either side.
@@ -420,7 +436,7 @@ impl<'a> Profile<'a> {
             blur_px: self.blur_px,
             far_px: self.far(),
             half_px: self.half() as f64,
-            step: self.step(),
+            step: self.fitted_step,
             height: self.region.height as f64,
         };
         match beside.ghost(&self.samples) {
