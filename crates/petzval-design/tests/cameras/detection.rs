@@ -2,10 +2,9 @@
 //! its scores.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::sync::Arc;
 
-use crate::common::Silent;
+use crate::common::{finished, library, setup_of};
 use crate::line_integral::Line;
 use burn::prelude::*;
 use petzval_camera::image::LinearImage;
@@ -14,16 +13,13 @@ use petzval_camera::sensor::{Noise, NoiseMode};
 use petzval_camera::tape::Frames;
 use petzval_design::block::{Batch, Block, OpticsBlock, Sight};
 use petzval_design::camera::{Camera, ChipValues, Labels, PsfSource, Shot};
-use petzval_design::design_loop::{DesignLoop, Ending, zoom_of};
+use petzval_design::design_loop::zoom_of;
 use petzval_design::error::DesignError;
 use petzval_design::experiment::{
     DetectorInput, Experiment, FieldOfView, NetworkRole, StepMethod, StepRule, VariantConfig,
 };
-use petzval_design::inputs::keep_inputs;
 use petzval_design::lens::psf_plan::PsfPlan;
-use petzval_design::library::Library;
-use petzval_design::run::{Kept, Metrics, RunFolder, load_blocks};
-use petzval_design::scoring::Scorer;
+use petzval_design::run::{Kept, load_blocks};
 use petzval_design::setup::Setup;
 use petzval_design::task::HeldOut;
 use petzval_design::task::objects::seen_windows::{SeenWindow, Stage};
@@ -65,30 +61,9 @@ fn setup(more: &str) -> Setup {
     setup_of(&format!("{TINY}{more}"))
 }
 
-fn assets() -> Library {
-    Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap()
-}
-
-/// The run of an experiment, from its start to its scores.
-fn finished(setup: &Arc<Setup>, folder: &Path) -> (RunFolder, Metrics) {
-    let run = RunFolder::create(&folder.join("run")).unwrap();
-    keep_inputs(setup, &assets(), &run, None).unwrap();
-    let design = DesignLoop::new(run.clone(), Scorer::new(setup.clone()).unwrap()).unwrap();
-    let Ending::Finished(metrics) = design.run(&mut Silent).unwrap() else {
-        panic!("nothing stops it");
-    };
-    (run, *metrics)
-}
-
 /// The objects of a window.
 fn truth(shot: &Shot) -> &Truth {
     shot.labels.of().unwrap()
-}
-
-fn setup_of(text: &str) -> Setup {
-    let assets = assets();
-    let experiment = Experiment::parse(text).unwrap();
-    Setup::new(experiment, &assets, Device::flex().autodiff()).unwrap()
 }
 
 #[test]
@@ -124,7 +99,7 @@ fn windows_are_seen_through_the_chief_rays_of_the_lens() {
         }
     }
     // A lens of a longer focal length sees other windows.
-    let assets = assets();
+    let assets = library();
     let long = assets.import("cooke-triplet-image-quality-software-isp").unwrap().file.lens;
     let height = |lens: &Lens| image_height_per_tangent(&lens.at_wavelength(lens.reference_um));
     let longer = height(&long) / height(&setup.nominal().lens_file.lens);

@@ -1,18 +1,16 @@
 //! Exposure time and gain as a block: where they go, what of a camera follows them, and what stays.
 
-use std::path::Path;
 use std::sync::Arc;
 
-use crate::common::Silent;
+use crate::common::{finished, library, setup_of};
 use petzval_camera::sensor::{Noise, NoiseMode};
 use petzval_camera::tape::Frames;
 use petzval_design::block::{Batch, Block, ExposureBlock};
 use petzval_design::camera::{Camera, Shot, to_host};
-use petzval_design::design_loop::{DesignLoop, Ending, finished_camera};
+use petzval_design::design_loop::finished_camera;
 use petzval_design::error::DesignError;
 use petzval_design::experiment::{BlockName, Experiment, StepMethod, StepRule};
 use petzval_design::inputs::keep_inputs;
-use petzval_design::library::Library;
 use petzval_design::report::run_report::{camera_lens, report_of_run};
 use petzval_design::run::{Kept, RunFolder, load_blocks};
 use petzval_design::scoring::Scorer;
@@ -46,10 +44,7 @@ crop = 64
 const MOVES: &str = "[[variant]]\nname = \"a\"\n[[variant.stage]]\nmoves = [\"exposure\", \"network\"]\n";
 
 fn setup(more: &str) -> Setup {
-    let assets =
-        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
-    let experiment = Experiment::parse(&format!("{TINY}{more}")).unwrap();
-    Setup::new(experiment, &assets, Device::flex().autodiff()).unwrap()
+    setup_of(&format!("{TINY}{more}"))
 }
 
 /// The mean squared error of the finished pictures.
@@ -173,16 +168,8 @@ fn a_lens_that_gathers_more_light_keeps_its_lead_at_another_time_and_the_truth_s
 fn a_run_keeps_the_exposure_of_its_cameras_and_reports_it() {
     let text = "[exposure]\nwhite_e = 100.0\nlinear_gain = 20.0\nvary = [\"time\"]\nsteps = 8\nlearning_rate = 0.1\n";
     let setup = Arc::new(setup(&format!("{text}{MOVES}")));
-    let assets =
-        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let folder = tempfile::tempdir().unwrap();
-    let run = RunFolder::create(&folder.path().join("run")).unwrap();
-    keep_inputs(&setup, &assets, &run, None).unwrap();
-    let scorer = || Scorer::new(setup.clone()).unwrap();
-    let design = DesignLoop::new(run.clone(), scorer()).unwrap();
-    let Ending::Finished(metrics) = design.run(&mut Silent).unwrap() else {
-        panic!("nothing stops it");
-    };
+    let (run, metrics) = finished(&setup, folder.path());
     let row = &metrics.rows[0];
     assert!(row.white_e > 150.0, "{}", row.white_e);
     // The finished camera is there again, with its exposure, and scores the same.
@@ -193,7 +180,7 @@ fn a_run_keeps_the_exposure_of_its_cameras_and_reports_it() {
     let camera =
         finished_camera(&setup, &setup.variants[0], lens, &exposure, &setup.isp().unwrap(), &network)
             .unwrap();
-    assert_eq!(scorer().score("a", &camera).unwrap().metrics.scores, row.scores);
+    assert_eq!(Scorer::new(setup.clone()).unwrap().score("a", &camera).unwrap().metrics.scores, row.scores);
     std::fs::write(run.environment(), "{}").unwrap();
     let report = report_of_run(&setup, &run, "").unwrap();
     let [change] = &report.cameras[0].setting_changes[..] else { panic!("the time alone moved") };
@@ -211,15 +198,9 @@ fn a_network_that_learnt_behind_many_lenses_is_the_start_of_another_run() {
         schedule.exposure = { method = \"random\", steps = 2, learning_rate = 1.0 }\n\
         schedule.network = { steps = 2 }\n";
     let learnt = Arc::new(setup(text));
-    let assets =
-        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let folder = tempfile::tempdir().unwrap();
-    let run = RunFolder::create(&folder.path().join("run")).unwrap();
-    keep_inputs(&learnt, &assets, &run, None).unwrap();
-    let design = DesignLoop::new(run.clone(), Scorer::new(learnt.clone()).unwrap()).unwrap();
-    let Ending::Finished(metrics) = design.run(&mut Silent).unwrap() else {
-        panic!("nothing stops it");
-    };
+    let assets = library();
+    let (run, metrics) = finished(&learnt, folder.path());
     // The camera that is scored has the lens and the exposure that are stated.
     let (made, stated) = (camera_lens(&run, "any").unwrap().lens, &learnt.nominal().lens_file.lens);
     for (made, stated) in made.surfaces.iter().zip(&stated.surfaces) {

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::common::library;
 use petzval_camera::isp::{HardwareIsp, Isp, IspError, IspParameter, RawInput, RgbPicture};
 use petzval_camera::render::{Placement, Window};
 use petzval_camera::sensor::{Noise, NoiseMode};
@@ -15,7 +16,6 @@ use petzval_design::design_loop::finished_camera;
 use petzval_design::error::DesignError;
 use petzval_design::experiment::{Experiment, StepMethod, StepRule};
 use petzval_design::lens::psf_plan::PsfPlan;
-use petzval_design::library::Library;
 use petzval_design::setup::Setup;
 use petzval_files::isp_file::parse_external_isp;
 use petzval_learn::Device;
@@ -28,8 +28,7 @@ fn setup(more: &str) -> Result<Setup, DesignError> {
 }
 
 fn setup_of(preset: &str, more: &str) -> Result<Setup, DesignError> {
-    let assets =
-        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
+    let assets = library();
     let text = format!(
         "[psf]\nfields = 5\npupil_cells = 32\nscoring_pupil_cells = 32\nscoring_pupil_error = 2.0\n\
          [training]\ncrop = 64\nbatch = 3\nrelight_ev = 0.0\n[isp]\npreset = \"{preset}\"\n{more}\
@@ -300,8 +299,7 @@ fn parameters_that_do_not_exist_and_blocks_that_are_not_there_are_refused() {
 
 /// What is said of an experiment that cannot be made ready.
 fn not_ready(isp: &str) -> String {
-    let assets =
-        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
+    let assets = library();
     let text = format!("{isp}[[variant]]\nname = \"a\"\n[[variant.stage]]\nmoves = [\"isp\"]\n");
     let setup = Setup::new(Experiment::parse(&text).unwrap(), &assets, Device::flex().autodiff());
     setup.err().unwrap().to_string()
@@ -344,12 +342,10 @@ fn foreign_setup(folder: &Path, isp: &str, variant: &str) -> Result<Setup, Desig
     let description = folder.join("lab.toml");
     let text = "name = \"a\"\ncommand = [\"true\"]\n[[parameter]]\nname = \"tone.gain\"\nmin = 0\nmax = 1\ndefault = 1\nsentence = \"\"\n";
     std::fs::write(&description, text).unwrap();
-    let assets = Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data"))
-        .unwrap()
-        .with_external_isps(Arc::new(|_| {
-            let defaults = Foreign.defaults();
-            Ok(OutsideIsp { isp: Arc::new(Foreign), values: defaults, description: "version 1".to_owned() })
-        }));
+    let assets = library().with_external_isps(Arc::new(|_| {
+        let defaults = Foreign.defaults();
+        Ok(OutsideIsp { isp: Arc::new(Foreign), values: defaults, description: "version 1".to_owned() })
+    }));
     let text = format!(
         "[psf]\nfields = 5\npupil_cells = 32\nscoring_pupil_cells = 32\nscoring_pupil_error = 2.0\n\
          [training]\ncrop = 64\nbatch = 2\n[isp]\npreset = {:?}\n{isp}{variant}",

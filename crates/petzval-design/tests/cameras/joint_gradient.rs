@@ -1,8 +1,8 @@
 //! The gradient through the whole camera, against differences of the whole camera.
 
+use crate::common::library;
 use petzval_base::Cancel;
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::sync::Arc;
 
 use crate::line_integral::Line;
@@ -19,7 +19,6 @@ use petzval_design::experiment::{
 };
 use petzval_design::lens::psf_plan::PsfPlan;
 use petzval_design::lens::start::Start;
-use petzval_design::library::Library;
 use petzval_design::setup::Setup;
 use petzval_design::task::Objective;
 use petzval_learn::Device;
@@ -32,8 +31,7 @@ fn setup() -> Setup {
 }
 
 fn setup_with(restore: bool) -> Setup {
-    let assets =
-        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
+    let assets = library();
     let mut experiment = assets.experiment("cooke-triplet-image-quality").unwrap();
     // Without directions that are chosen pixel by pixel, which differences would step across.
     experiment.development =

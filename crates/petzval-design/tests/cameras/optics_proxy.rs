@@ -1,20 +1,17 @@
 //! The network in place of ray tracing: what it learns, its gradient, and its place in a camera.
 
-use std::path::Path;
-
+use crate::common::library;
 use burn::prelude::*;
 use petzval_design::camera::optics_proxy::{OpticsJudge, OpticsTraining, ProxyDomain, ProxyOpticsTrainer};
 use petzval_design::experiment::Experiment;
 use petzval_design::lens::sampler::LensSampler;
-use petzval_design::library::Library;
 use petzval_design::setup::Setup;
 
 const STEPS: usize = 60;
 const LEARNT_BY_HEART: usize = 400;
 
 fn setup() -> Setup {
-    let assets =
-        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
+    let assets = library();
     let text = "[psf]\nfields = 3\npupil_cells = 24\nscoring_pupil_cells = 24\nscoring_pupil_error = 2.0\n";
     Setup::without_windows(Experiment::parse(text).unwrap(), &assets, Device::flex().autodiff()).unwrap()
 }

@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
+use crate::common::library;
 use petzval_base::Cancel;
 use petzval_design::block::OpticsBlock;
 use petzval_design::experiment::{Experiment, LensGoal, LensSearch, PsfsBy};
 use petzval_design::first_look::{FirstLook, first_look};
 use petzval_design::fit::{FitOf, fit};
-use petzval_design::library::Library;
 use petzval_design::setup::Setup;
 use petzval_learn::Device;
 use petzval_optics::constraint::{Constraint, passing_share};
@@ -16,15 +16,15 @@ use petzval_optics::constraint::{Constraint, passing_share};
 #[test]
 fn clear_apertures_that_cut_light_may_not_cut_more_of_it() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data");
-    let library = Library::from_folder(&folder).unwrap();
+    let assets = library();
     let text = std::fs::read_to_string(folder.join("lenses/cooke-triplet-nominal.toml")).unwrap();
     let cut = text.replacen("semi_diameter_mm = 7.733", "semi_diameter_mm = 5.0", 1);
     assert_ne!(cut, text);
-    let library = library.with_text("cut.toml".to_owned(), cut);
+    let assets = assets.with_text("cut.toml".to_owned(), cut);
     let setup = |lens: &str| {
         let mut experiment = Experiment::parse("").unwrap();
         experiment.lens = lens.to_owned();
-        Setup::new(experiment, &library, Device::flex().autodiff()).unwrap()
+        Setup::new(experiment, &assets, Device::flex().autodiff()).unwrap()
     };
     let is_light = |c: &Constraint| matches!(c, Constraint::Light { .. });
     let whole = setup("cooke-triplet-nominal");
@@ -60,10 +60,9 @@ fn clear_apertures_that_cut_light_may_not_cut_more_of_it() {
 /// The middle of the bounds of a lens images nothing sharply, and stands in an experiment to show that.
 #[test]
 fn a_lens_that_the_experiment_derives_may_be_out_of_focus() {
-    let library =
-        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
-    let experiment = library.experiment("cooke-triplet-image-quality-controls").unwrap();
-    let setup = Setup::new(experiment, &library, Device::flex()).unwrap();
+    let assets = library();
+    let experiment = assets.experiment("cooke-triplet-image-quality-controls").unwrap();
+    let setup = Setup::new(experiment, &assets, Device::flex()).unwrap();
     let look = first_look(&setup).unwrap();
     assert!(look.problems.is_empty(), "{:?}", look.problems);
     let said = |words: &str| look.warnings.iter().any(|warning| warning.contains(words));
@@ -75,10 +74,9 @@ fn a_lens_that_the_experiment_derives_may_be_out_of_focus() {
 /// Little area of a sensor lies beyond the outermost field of the spot goal: a corner that loses is said.
 #[test]
 fn a_corner_that_a_lens_for_least_spots_gives_up_is_said() {
-    let library =
-        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
-    let experiment = library.experiment("cooke-triplet-image-quality").unwrap();
-    let setup = Setup::new(experiment, &library, Device::flex()).unwrap();
+    let assets = library();
+    let experiment = assets.experiment("cooke-triplet-image-quality").unwrap();
+    let setup = Setup::new(experiment, &assets, Device::flex()).unwrap();
     let start = setup.start(&setup.variants[0]);
     let sharp = &start.lens_file.lens;
     // Half a millimetre at f/4.4 adds some 40 um to the 20 um of the corner.
@@ -95,12 +93,11 @@ fn a_corner_that_a_lens_for_least_spots_gives_up_is_said() {
 /// A grid of 48 um holds 97 % of the triplet's light on the axis, and a quarter of it in the corner of the sensor.
 #[test]
 fn light_that_the_grid_cuts_off_is_said_before_the_first_step() {
-    let library =
-        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
+    let assets = library();
     let looked_at = |grid: usize| {
-        let mut experiment = library.experiment("cooke-triplet-image-quality").unwrap();
+        let mut experiment = assets.experiment("cooke-triplet-image-quality").unwrap();
         (experiment.psf.grid, experiment.psf.kind) = (grid, PsfsBy::Geometric);
-        first_look(&Setup::new(experiment, &library, Device::flex()).unwrap()).unwrap()
+        first_look(&Setup::new(experiment, &assets, Device::flex()).unwrap()).unwrap()
     };
     let says_so = |look: &FirstLook| look.warnings.iter().any(|warning| warning.contains("cuts off"));
     assert!(!says_so(&looked_at(128)));
@@ -120,16 +117,15 @@ fn light_that_the_grid_cuts_off_is_said_before_the_first_step() {
 /// The colours of a lens for other light are its ends and their middle, without the digits of rounding: half of 0.8 + 0.9 is 0.8500000000000001.
 #[test]
 fn colours_of_a_lens_for_the_near_infrared_are_round() {
-    let library =
-        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
+    let assets = library();
     let fitted_in = |um: &[f64]| {
-        let mut experiment = library.experiment("cooke-triplet-image-quality").unwrap();
+        let mut experiment = assets.experiment("cooke-triplet-image-quality").unwrap();
         experiment.psf.kind = PsfsBy::Geometric;
-        let pictures = library.facts_of(&experiment).unwrap().pictures;
-        let mut lens = library.reported("cooke-triplet-nominal").unwrap();
+        let pictures = assets.facts_of(&experiment).unwrap().pictures;
+        let mut lens = assets.reported("cooke-triplet-nominal").unwrap();
         (lens.file.lens.wavelengths_um, lens.file.lens.reference_um) = (um.to_vec(), um[0]);
         let of = FitOf { experiment, lens, lens_name: "nir", sensor: None, pictures };
-        let fitted = fit(of, &library).unwrap();
+        let fitted = fit(of, &assets).unwrap();
         (fitted.experiment.psf.wavelengths_um, fitted.warnings.join("; "))
     };
     let (colours_um, said) = fitted_in(&[0.8, 0.9]);
@@ -146,15 +142,14 @@ fn lost_light_is_that_of_the_grid_that_is_written() {
                    [wavelengths]\num = [0.486, 0.5876, 0.656]\nreference_um = 0.5876\n[fields]\nangle_deg = [0.0, 10.0]\n\
                    [[surface]]\nstop = true\nradius_mm = 25.0\nthickness_mm = 5.0\nglass = \"N-BK7\"\nsemi_diameter_mm = 6.5\n\
                    [[surface]]\nradius_mm = -25.0\nthickness_mm = 23.0\nsemi_diameter_mm = 7.0\n";
-    let library =
-        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
-    let library = library.with_text("singlet.toml".to_owned(), singlet.to_owned());
-    let mut experiment = library.experiment("cooke-triplet-image-quality").unwrap();
+    let assets = library();
+    let assets = assets.with_text("singlet.toml".to_owned(), singlet.to_owned());
+    let mut experiment = assets.experiment("cooke-triplet-image-quality").unwrap();
     experiment.psf.kind = PsfsBy::Geometric;
-    let pictures = library.facts_of(&experiment).unwrap().pictures;
-    let lens = library.reported("singlet.toml").unwrap();
+    let pictures = assets.facts_of(&experiment).unwrap().pictures;
+    let lens = assets.reported("singlet.toml").unwrap();
     let of = FitOf { experiment, lens, lens_name: "singlet.toml", sensor: None, pictures };
-    let fitted = fit(of, &library).unwrap();
+    let fitted = fit(of, &assets).unwrap();
     assert!(fitted.notes.iter().any(|note| note.starts_with("psf.grid = ")), "{:?}", fitted.notes);
     let psf = &fitted.experiment.psf;
     let said = format!("the PSF grid of {:.0} um cuts off", psf.grid as f64 * psf.pitch_um);

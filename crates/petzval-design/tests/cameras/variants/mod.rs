@@ -7,7 +7,7 @@ mod validation;
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::common::Silent;
+use crate::common::{Silent, library, setup_of};
 use petzval_base::Cancel;
 use petzval_camera::sensor::NoiseMode;
 use petzval_design::block::OpticsBlock;
@@ -16,7 +16,6 @@ use petzval_design::experiment::{
     BlockName, Experiment, FieldOfView, LensGoal, LensSearch, NetworkRole, Stage,
 };
 use petzval_design::inputs::keep_inputs;
-use petzval_design::library::Library;
 use petzval_design::run::{CameraMetrics, Metrics, RunFolder, read_events};
 use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
@@ -95,8 +94,7 @@ fn variant(name: &str, more: &str) -> String {
 
 /// Runs an experiment to its end with the further score.
 fn run(experiment: Experiment, folder: &Path) -> Metrics {
-    let assets =
-        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
+    let assets = library();
     let setup = Setup::new(experiment, &assets, Device::flex().autodiff()).unwrap();
     let folder = RunFolder::create(folder).unwrap();
     keep_inputs(&setup, &assets, &folder, None).unwrap();
@@ -176,10 +174,7 @@ fn variants_that_cannot_be_made_are_refused_with_a_hint() {
 
 #[test]
 fn an_unknown_score_is_refused_with_the_known_ones() {
-    let assets =
-        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
-    let experiment = Experiment::parse(&format!("{TINY}scores = [\"beauty\"]\n")).unwrap();
-    let setup = Setup::new(experiment, &assets, Device::flex().autodiff()).unwrap();
+    let setup = setup_of(&format!("{TINY}scores = [\"beauty\"]\n"));
     let scores = standard_scores(&setup.lpips().unwrap());
     let error = PictureJudge::new(&setup.experiment, scores).err().unwrap();
     assert!(error.is_input() && error.to_string().contains("psnr_db"), "{error}");
@@ -189,9 +184,7 @@ fn an_unknown_score_is_refused_with_the_known_ones() {
 /// images in the corner of the sensor; to 14.8 degrees the spots would be 6.84 um.
 #[test]
 fn spots_are_minimised_to_convergence_under_the_requirements() {
-    let assets =
-        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
-    let setup = Setup::new(Experiment::parse("").unwrap(), &assets, Device::flex().autodiff()).unwrap();
+    let setup = setup_of("");
     let minimised = || {
         let mut block = OpticsBlock::new(setup.start(&setup.variants[0]).clone(), 1.0);
         let mut iterations = 0;
@@ -237,8 +230,7 @@ fn a_variant_that_starts_from_another_has_its_lens_and_counts_its_steps() {
 
 #[test]
 fn a_lens_without_variables_stays_in_a_control_and_moves_near_its_own_numbers() {
-    let assets =
-        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
+    let assets = library();
     let setup = |lens: &str, stage: &str| {
         let text = format!("{TINY}{}", variant("a", &format!("lens = \"{lens}\"\n{stage}")));
         Setup::new(Experiment::parse(&text).unwrap(), &assets, Device::flex().autodiff())
@@ -277,13 +269,7 @@ fn a_perfect_lens_is_a_point_or_an_airy_disk() {
     let by_waves = Experiment::parse(&format!("{waves}{}", perfect(""))).unwrap().variants();
     assert_eq!(by_waves[0].perfect_image, PerfectImage::AiryDisk);
 
-    let setup = |text: &str| {
-        let assets =
-            Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data"))
-                .unwrap();
-        Setup::new(Experiment::parse(&format!("{TINY}{text}")).unwrap(), &assets, Device::flex().autodiff())
-            .unwrap()
-    };
+    let setup = |text: &str| setup_of(&format!("{TINY}{text}"));
     let brightest = |setup: &Setup| {
         let variant = &setup.variants[0];
         let lens = setup.start(variant).lens_file.lens.clone();
@@ -323,7 +309,7 @@ fn every_built_in_experiment_says_whether_its_psfs_are_by_rays_or_by_waves() {
 #[test]
 fn built_in_weights_are_those_for_the_psfs_of_the_experiment() {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data");
-    let assets = Library::from_folder(&data).unwrap();
+    let assets = library();
     let [rays, waves] = ["restoration_naf", "restoration_naf_waves"]
         .map(|name| std::fs::read(data.join(format!("weights/{name}.safetensors"))).unwrap());
     assert_ne!(rays, waves);
@@ -407,10 +393,8 @@ fn a_camera_made_without_noise_is_scored_with_it() {
 
 #[test]
 fn the_lens_in_the_middle_of_its_bounds_keeps_the_focal_length() {
-    let assets =
-        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let text = format!("{TINY}{}", variant("a", &format!("lens = \"box-centre\"\n{NETWORK}")));
-    let setup = Setup::new(Experiment::parse(&text).unwrap(), &assets, Device::flex().autodiff()).unwrap();
+    let setup = setup_of(&text);
     let (start, nominal) = (setup.start(&setup.variants[0]), setup.nominal());
     let lens = &start.lens_file.lens;
     for v in &start.lens_file.variables {
@@ -428,8 +412,7 @@ fn the_lens_in_the_middle_of_its_bounds_keeps_the_focal_length() {
 /// `sequential` moves each block as often as the joint design, from a lens that was improved as often; `noise-off` alone is made without noise.
 #[test]
 fn built_in_controls_take_the_steps_of_the_joint_design() {
-    let assets =
-        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
+    let assets = library();
     for (name, last) in [
         ("cooke-triplet-image-quality-controls", vec![BlockName::Network]),
         ("cooke-triplet-image-quality-hardware-isp", vec![BlockName::Isp]),

@@ -1,20 +1,18 @@
 //! Lenses for the least error after restoration: gradient, light, and an improved lens.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::sync::Arc;
 
+use crate::common::setup_of;
 use nalgebra::{DMatrix, DVector};
 use petzval_base::Cancel;
 use petzval_design::block::OpticsBlock;
 use petzval_design::error::DesignError;
-use petzval_design::experiment::{Experiment, LensGoal, LensSearch};
+use petzval_design::experiment::{LensGoal, LensSearch};
 use petzval_design::lens::psf_plan::PsfPlan;
 use petzval_design::lens::restored::RestoredError;
-use petzval_design::library::Library;
 use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
-use petzval_learn::Device;
 use petzval_optics::design_space::SmoothSpace;
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::Lens;
@@ -28,10 +26,8 @@ use super::{JOINT, TINY, variant};
 /// The error after restoration: its gradient, and what a descent from the spot-optimised lens gains.
 #[test]
 fn a_lens_is_improved_for_the_restoration_of_its_frames() {
-    let assets =
-        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let text = "[psf]\nfields = 7\ngrid = 96\npupil_cells = 48\n";
-    let setup = Setup::new(Experiment::parse(text).unwrap(), &assets, Device::flex().autodiff()).unwrap();
+    let setup = setup_of(text);
     let start = setup.start(&setup.variants[0]);
     // The gradient is that at fixed fields.
     let space = &start.space;
@@ -141,13 +137,11 @@ fn check_gradient(merit: &RestoredError, space: &SmoothSpace, x: &[f64]) {
 /// table of scores.
 #[test]
 fn the_error_after_restoration_follows_the_light_of_the_lens() {
-    let assets =
-        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
     let setup = |white_e: f64, same: &str| {
         let free = format!("field = \"free\"\n{JOINT}");
         let exposure = format!("[exposure]\nwhite_e = {white_e}\nsame = \"{same}\"\n");
         let text = format!("{TINY}{exposure}{}", variant("free", &free));
-        Setup::new(Experiment::parse(&text).unwrap(), &assets, Device::flex().autodiff()).unwrap()
+        setup_of(&text)
     };
     // Noise rules the error at 200 electrons.
     let (same_time, more_electrons) = (setup(200.0, "time"), setup(800.0, "electrons"));

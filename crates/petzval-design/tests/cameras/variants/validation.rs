@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use crate::common::library;
 use petzval_design::experiment::Experiment;
-use petzval_design::library::Library;
 use petzval_design::run::{Event, read_events};
 use petzval_design::setup::Setup;
 use petzval_design::task::Remark;
@@ -65,8 +65,7 @@ fn a_stage_ends_with_the_numbers_of_its_best_validation() {
 
 #[test]
 fn validation_pictures_are_neither_trained_nor_scored_on_and_moving_lenses_are_validated_at_rest() {
-    let assets =
-        Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap();
+    let assets = library();
     let setup = |text: &str| Setup::new(Experiment::parse(text).unwrap(), &assets, Device::flex().autodiff());
     let text = format!("{TINY}{VALIDATION}{}", variant("a", JOINT));
     let (with, without) = (setup(&text).unwrap(), setup(TINY).unwrap());
