@@ -117,7 +117,7 @@ fn parts(root: &Path) -> Result<Vec<Part>, String> {
         ),
         part(
             "the blocks of README and book, none of them shortened".to_owned(),
-            &["test", "--release", "-p", "petzval", "--test", "book", "--", "run", "--nocapture"],
+            &["test", "--release", "--test", "book", "--", "run", "--nocapture"],
             Some(("PETZVAL_WHOLE_BOOK", "1")),
         ),
         Part { name: "the Python package, with PyTorch".to_owned(), work: Work::Python },

@@ -49,7 +49,7 @@ pub fn run(root: &Path, page_alone: bool, answers: &dyn Fn(&str) -> bool) -> Res
     if page_alone {
         return Ok(Ended::Passed(format!("the page of the studio is what its sources make: {bytes} bytes")));
     }
-    let build = ["build", "--release", "--package", "petzval"];
+    let build = ["build", "--release", "--bin", "petzval"];
     succeeds(Command::new(env!("CARGO")).args(build).current_dir(root))?;
     let mut test = Command::new("npm");
     test.args(["run", "--silent", "test"])

@@ -99,7 +99,7 @@ fn in_folder(name: &str, run: impl FnOnce(PathBuf) -> Result<Ended, String>) -> 
 fn built() -> Result<PathBuf, String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let mut command = Command::new(env!("CARGO"));
-    command.args(["build", "--release", "--package", "petzval"]).current_dir(&root);
+    command.args(["build", "--release", "--bin", "petzval"]).current_dir(&root);
     match command.status() {
         Ok(status) if status.success() => {
             let target =
