@@ -49,6 +49,8 @@ impl TransferPoint {
         mean_difference: bool,
         clip_dn: u32,
     ) -> Self {
+        let share_at_max = share_at(flat, clip_dn);
+        let is_clipped = share_at_max > CLIPPED_SHARE;
         let variance =
             |m: &Moments| if mean_difference { m.variance_dn2 } else { m.variance_uncorrected_dn2 };
         Self {
@@ -62,9 +64,9 @@ impl TransferPoint {
             dark_mean_se_dn: dark.mean_se_dn,
             dark_variance_dn2: variance(dark),
             dark_variance_se_dn2: dark.variance_se_dn2,
-            row_flicker_dn2: row_flicker_dn2(flat, dark),
+            row_flicker_dn2: if is_clipped { 0.0 } else { row_flicker_dn2(flat, dark) },
             total_variance_dn2: flat.total_variance_dn2(),
-            share_at_max: share_at(flat, clip_dn),
+            share_at_max,
         }
     }
 
@@ -117,7 +119,9 @@ fn row_flicker_dn2(flat: &Moments, dark: &Moments) -> f64 {
     let added = own - of_dark;
     let by_pixels = 2.0_f64.sqrt() * share * of_pixels;
     let error = by_pixels.hypot(flat.lines_se_dn2()).hypot(dark.lines_se_dn2());
-    let matters = added > LEAST_FLICKER * (flat.variance_dn2 - dark.variance_dn2);
+    // Where light adds no noise, the well is full.
+    let of_light = flat.variance_dn2 - dark.variance_dn2;
+    let matters = of_light > 0.0 && added > LEAST_FLICKER * of_light;
     if matters && added > FLICKER_SIGMAS * error { added } else { 0.0 }
 }
 

@@ -38,6 +38,18 @@ fn a_sound_series_into_saturation_is_monotonic() {
 }
 
 #[test]
+fn a_sound_series_into_saturation_has_no_other_warning() {
+    // A full well, and a converter at its end: there frames have no noise at all.
+    for full_well_e in [15_000.0, 60_000.0] {
+        let sensor = SensorModel { full_well_e, ..imx249() };
+        let plan = Plan { flat_ms: (1..=24).map(f64::from).collect(), level: 1.6, ..one_gain() };
+        let found = measured(series(&sensor, &plan).path()).unwrap();
+        let names: Vec<&str> = found.warnings.iter().map(Warning::name).collect();
+        assert_eq!(names, ["saturated"], "{full_well_e}: {:?}", found.warnings);
+    }
+}
+
+#[test]
 fn a_falling_series_is_not_monotonic() {
     let folder = series(&mono(), &one_gain());
     for i in 0..2 {
