@@ -50,6 +50,9 @@ impl From<CaptureError> for JobError {
             CaptureError::Value { .. } => {
                 "check `bits`, and that the frames hold digital numbers as the camera gave them"
             }
+            CaptureError::StuckBit { .. } => {
+                "such frames say nothing about the noise; check the packing of the frames, and the camera with a uniform gray"
+            }
             CaptureError::Swapped { .. } => {
                 "`kind` of each point says whether light fell on the sensor: \"flat\" or \"dark\""
             }

@@ -223,6 +223,16 @@ pub enum CaptureError {
         /// Largest number it gives.
         max: u16,
     },
+    /// A bit never changes.
+    #[error("{}: bit {} of every sample is {}, while higher bits change: a line of the converter or of the link is stuck", list.display(), bit, u8::from(*is_one))]
+    StuckBit {
+        /// The list of captures.
+        list: PathBuf,
+        /// Its place; 0 is the lowest.
+        bit: u32,
+        /// What it is.
+        is_one: bool,
+    },
     /// The flat frames are darker than the dark ones.
     #[error("{}: the flat frames are darker than the dark ones at {} of {points} points: are flat and dark swapped?", list.display(), swapped)]
     Swapped {

@@ -18,7 +18,7 @@ use super::joint::{GainInput, joint_fit};
 use super::measured::{Measured, Unresolved};
 use super::point::{Moments, PointStatistics, reduce};
 use super::result::{Characterization, GainResult, Options};
-use super::samples::{Samples, clip_dn};
+use super::samples::{Samples, StuckBit, clip_dn};
 use super::usable::check_usable;
 use super::warnings::{departures, fit_warnings, gain_warnings, series_warnings};
 use petzval_camera::sensor::Colour;
@@ -71,6 +71,9 @@ pub fn characterize(
         }
         gains.push(gain);
         flags.push(gain_flags);
+    }
+    if let Some(StuckBit { bit, is_one }) = samples.stuck_bit(max_dn) {
+        return Err(CaptureError::StuckBit { list: captures.list.clone(), bit, is_one });
     }
     check_usable(captures, &gains, &flags)?;
 

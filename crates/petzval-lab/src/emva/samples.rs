@@ -8,6 +8,10 @@ use super::point::Moments;
 /// Different digital numbers that a series must have: fewer may have a common factor by chance.
 const FACTOR_NUMBERS: usize = 8;
 
+/// How often samples must step over the numbers that a stuck bit leaves out: once if these are many, that is from this bit on, else this often.
+const WIDE_BIT: u32 = 4;
+const NARROW_STEPS: usize = 4;
+
 /// Digital number at which samples are clipped: the largest of the stated bits, or the largest of all flat frames if samples pile
 /// up there. The fits need not know whether the converter or the pixel ends there: clipped samples have lost their
 /// noise either way.
@@ -47,15 +51,41 @@ impl Samples {
         self.piled |= clip_dn < max_dn && odd.count_ones() == u32::BITS - odd.leading_zeros();
     }
 
+    /// The different numbers, ascending. The top of the range is left out: clipped samples may be set to it whatever the others are.
+    fn inside(&self, max_dn: u32) -> impl Iterator<Item = u32> + '_ {
+        let numbers = self.all.counts.iter().zip(self.all.first_dn..).filter(|(count, _)| **count > 0);
+        numbers.map(|(_, dn)| dn).filter(move |dn| *dn < max_dn)
+    }
+
+    /// The highest bit that is the same in all samples while higher ones change. Zeros at the low end are those of left-aligned frames, and
+    /// do not count.
+    ///
+    /// Frames of few levels may lack a bit by chance. So the samples must step over the numbers with the other bit without a gap: from the
+    /// last number before them to the first one after them.
+    pub fn stuck_bit(&self, max_dn: u32) -> Option<StuckBit> {
+        if self.inside(max_dn).count() < FACTOR_NUMBERS {
+            return None;
+        }
+        let (any, all) = self.inside(max_dn).fold((0, u32::MAX), |(any, all), dn| (any | dn, all & dn));
+        let changes = any & !all;
+        let constant = !changes & ((1 << changes.ilog2()) - 1);
+        // The next number with the same constant bits.
+        let next = |dn: u32| (((dn | constant) + 1) & !constant) | (dn & constant);
+        let pairs = || self.inside(max_dn).zip(self.inside(max_dn).skip(1));
+        let is_stuck = |bit: &u32| {
+            let steps_over = |(a, b): &(u32, u32)| *b == next(*a) && (a >> bit) != (b >> bit);
+            pairs().filter(steps_over).count() >= if *bit < WIDE_BIT { NARROW_STEPS } else { 1 }
+        };
+        let bits = (any.trailing_zeros()..u32::BITS).rev().filter(|bit| (constant >> bit) & 1 == 1);
+        bits.filter(is_stuck).map(|bit| StuckBit { bit, is_one: (all >> bit) & 1 == 1 }).next()
+    }
+
     /// Flags about the bits of the converter. Frames of fewer bits than stated end at a quarter of the range or below,
     /// or pile up below its end; left-aligned ones are multiples of a power of two.
     pub fn flags(&self, max_dn: u32) -> ConverterFlags {
-        let numbers = self.all.counts.iter().enumerate().filter(|(_, count)| **count > 0);
-        // The top of the range need not be a multiple: clipped samples may be set to it.
-        let inside = || numbers.clone().map(|(i, _)| self.all.first_dn + i as u32).filter(|dn| *dn < max_dn);
-        let factor = match inside().count() {
+        let factor = match self.inside(max_dn).count() {
             few if few < FACTOR_NUMBERS => 1,
-            _ => inside().fold(0, greatest_common_divisor),
+            _ => self.inside(max_dn).fold(0, greatest_common_divisor),
         };
         let largest_dn = self.all.last_dn();
         let quarter = largest_dn < max_dn / 4;
@@ -66,6 +96,15 @@ impl Samples {
             top_not_reached: top_is_open.then_some(TopNotReached { largest_dn, piled: self.piled }),
         }
     }
+}
+
+/// A bit of the converter that never changes, although higher bits do.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StuckBit {
+    /// Its place; 0 is the lowest.
+    pub bit: u32,
+    /// What it is.
+    pub is_one: bool,
 }
 
 /// Flags of the converter from all samples of a series. A flag that is set holds its evidence.
@@ -111,5 +150,35 @@ mod tests {
         // Left-aligned samples pile up across gaps.
         assert!(piles_up(&counts(96, &[100, 0, 0, 0, 500, 0, 0, 0, 2000])));
         assert!(!piles_up(&counts(96, &[100, 0, 0, 0, 500, 0, 0, 0, 20])));
+    }
+
+    #[test]
+    fn a_stuck_bit_is_found_and_levels_that_lack_a_bit_by_chance_are_none() {
+        let of = |numbers: &mut dyn Iterator<Item = u32>| {
+            let mut samples = Samples::default();
+            let mut table = vec![0; 4096];
+            numbers.for_each(|dn| table[dn as usize] += 1);
+            samples.all = Counts::of(&table);
+            samples.stuck_bit(4095)
+        };
+        assert_eq!(of(&mut (60..4096)), None);
+        for bit in 0..11 {
+            let mask = 1 << bit;
+            assert_eq!(of(&mut (60..4096).map(|dn| dn | mask)), Some(StuckBit { bit, is_one: true }));
+            // With clipped samples that another stage has set.
+            let zeros = (60..4096).map(|dn| dn & !mask).chain([4095]);
+            let wanted = if bit == 0 { None } else { Some(StuckBit { bit, is_one: false }) };
+            assert_eq!(of(&mut zeros.into_iter()), wanted, "{bit}");
+        }
+        // Two of them; the higher one is named. Left-aligned frames; a gain after the converter.
+        let two = of(&mut (60..4096).map(|dn| dn & !0x88));
+        assert_eq!(two, Some(StuckBit { bit: 7, is_one: false }));
+        assert_eq!(of(&mut (60..1024).map(|dn| dn << 2)), None);
+        assert_eq!(of(&mut (60..1024).map(|dn| dn * 3)), None);
+        // Dark frames and four levels, none of which has bit 9.
+        let levels = [64, 1100, 2100, 3100_u32];
+        assert_eq!(of(&mut levels.into_iter().flat_map(|level| level - 20..level + 20)), None);
+        // Few numbers, all of them odd.
+        assert_eq!(of(&mut [61, 65, 71, 77].into_iter()), None);
     }
 }

@@ -161,6 +161,21 @@ fn useless_captures_are_refused() {
 }
 
 #[test]
+fn a_stuck_bit_is_refused_before_what_follows_from_it() {
+    // Bit 3 made K 0.146 +- 0.003 of 0.140; with bit 7 flat frames seemed darker than dark ones.
+    for (bit, is) in [(3, 0), (7, 0), (2, 1)] {
+        let plan = Plan { flat_ms: (1..=24).map(f64::from).collect(), ..one_gain() };
+        let folder = series(&mono(), &plan);
+        for entry in std::fs::read_dir(folder.path().join("gain-1")).unwrap() {
+            let name = entry.unwrap().file_name().into_string().unwrap();
+            edit(folder.path(), &name, &|_, _, dn| (dn & !(1 << bit)) | (is << bit));
+        }
+        let error = measured(folder.path()).unwrap_err().to_string();
+        assert!(error.contains(&format!("bit {bit} of every sample is {is}")), "{error}");
+    }
+}
+
+#[test]
 fn a_mosaic_that_the_list_leaves_out_is_named() {
     let plan = Plan { stack: 6, ..one_gain() };
     let folder = series(&imx249(), &plan);
