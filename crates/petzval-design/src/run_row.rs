@@ -10,7 +10,7 @@ use crate::error::{DesignError, Result};
 use crate::experiment::Experiment;
 use crate::library::Library;
 use crate::report::run_report::read_metrics;
-use crate::run::{CameraMetrics, DigestCheck, RunFolder, RunRecord, read_events, read_json};
+use crate::run::{CameraMetrics, DigestCheck, RunFolder, RunRecord, read_events, read_json, seconds_of};
 
 /// How a run stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
@@ -117,7 +117,7 @@ fn fill(row: &mut RunRow, folder: &Path, library: &Library) -> Result<()> {
     if run.events().exists() {
         let events = read_events(&run.events())?;
         row.step = events.last().map_or(0, |event| event.step);
-        row.seconds = events.iter().map(|event| event.seconds).sum();
+        row.seconds = seconds_of(&events);
     }
     let finish = record.as_ref().and_then(|record| record.finished.as_ref());
     if run.metrics().exists() {

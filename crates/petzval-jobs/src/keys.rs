@@ -44,12 +44,21 @@ fn without_flags(text: &str, mark: &str) -> String {
             && !found.ends_with(|c: char| c.is_alphanumeric() || c == '-');
         match OTHERS.iter().find(|(other, _)| *other == flag) {
             _ if !is_flag => found.push_str(&format!("--{flag}")),
+            Some((_, key)) if mark.is_empty() => found.push_str(&key.replace('`', "")),
             Some((_, key)) => found.push_str(key),
             None => found.push_str(&format!("{mark}{}{mark}", flag.replace('-', "_"))),
         }
-        found.push_str(rest);
+        found.push_str(if is_flag { without_placeholder(rest) } else { rest });
     }
     found
+}
+
+/// What follows a flag, without the word in capitals that stands for its value: `FILE`.
+fn without_placeholder(rest: &str) -> &str {
+    let after = rest.strip_prefix(' ').unwrap_or(rest);
+    let end = after.find(|c: char| !c.is_ascii_uppercase()).unwrap_or(after.len());
+    let is_word = after.len() < rest.len() && end > 0 && !after[end..].starts_with(char::is_alphanumeric);
+    if is_word { &after[end..] } else { rest }
 }
 
 /// An error with keys in place of flags.
@@ -96,6 +105,9 @@ mod tests {
             ("`petzval lens focus a --focus best` moves it", "`petzval lens focus a --focus best` moves it"),
             ("a--b -- c, --- and --", "a--b -- c, --- and --"),
             ("no flag", "no flag"),
+            ("; --glasses FILE reads a catalogue", "; `glasses` of the call reads a catalogue"),
+            ("give `--out DIR`, or --out DIR", "give `out`, or `out`"),
+            ("`--threads 2` and --white PSF5", "`threads of the call 2` and `white` PSF5"),
         ] {
             assert_eq!(in_keys(flags), keys);
         }

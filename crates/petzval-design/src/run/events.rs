@@ -30,8 +30,20 @@ pub struct Event {
     pub lowered: Vec<f64>,
     /// Learning rate of the step.
     pub learning_rate: f64,
-    /// Wall-clock seconds of the step.
+    /// Wall-clock seconds of the step. A lens alone has an event for each iteration, and one for the whole stage behind them, which has the
+    /// number of the same step.
     pub seconds: f64,
+}
+
+/// Wall-clock seconds of all steps.
+pub fn seconds_of(events: &[Event]) -> f64 {
+    let of_step = |step: &[Event]| {
+        let (last, iterations) = step.split_last().map_or((0.0, step), |(last, rest)| (last.seconds, rest));
+        let before: f64 = iterations.iter().map(|event| event.seconds).sum();
+        // A whole stage took as long as its iterations; a stage at work ends with one of them.
+        if last >= before { last } else { before + last }
+    };
+    events.chunk_by(|a, b| a.step == b.step).map(of_step).sum()
 }
 
 /// An open event log, with the digest of all that is in it.
@@ -190,5 +202,18 @@ mod tests {
             assert!(EventLog::resume_at(&path, &until).unwrap().is_none());
             assert_eq!(fs::read(&path).unwrap(), changed, "nothing is lost");
         }
+    }
+
+    #[test]
+    fn the_time_of_a_stage_is_not_counted_twice() {
+        let events = |steps: &[(u64, f64)]| -> Vec<Event> {
+            steps.iter().map(|(step, seconds)| Event { seconds: *seconds, ..event(*step, &[]) }).collect()
+        };
+        // Three iterations of a lens alone, and the whole stage.
+        let whole = events(&[(1, 2.0), (2, 1.0), (2, 1.5), (2, 1.0), (2, 3.75), (3, 2.0)]);
+        assert_eq!(seconds_of(&whole), 7.75);
+        // Stopped in it.
+        assert_eq!(seconds_of(&whole[..4]), 5.5);
+        assert_eq!(seconds_of(&[]), 0.0);
     }
 }

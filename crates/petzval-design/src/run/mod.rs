@@ -30,7 +30,7 @@ pub use digests::{
     ChangedFile, DigestCheck, Digests, EventsDigest, check_accepted, forget_digests, hex, note_digests,
     sha256_of_file,
 };
-pub use events::{Event, EventLog, SCORE, read_events};
+pub use events::{Event, EventLog, SCORE, read_events, seconds_of};
 pub use folder::{RunFolder, write_file};
 pub(crate) use folder::{read_json, read_json_if_there};
 pub use holder::Holder;
