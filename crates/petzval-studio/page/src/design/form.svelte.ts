@@ -20,6 +20,26 @@ export interface Look {
   lenses: { lens: string; cameras: string[]; efl_mm: number; f_number: number; image_circle_mm: number; violated: string[]; fields: { field_deg: number; rms_spot_um: number; light_on_grid: number }[] }[];
 }
 
+/** What a tab holds of a form, also when it is loaded again. */
+interface Kept {
+  set: Record<string, unknown>;
+  out: string;
+}
+
+/** Where the forms are kept, by experiment. */
+const STORE = "petzval-studio-forms";
+
+function keptForms(): Record<string, Kept> {
+  try {
+    return JSON.parse(sessionStorage.getItem(STORE) ?? "{}") as Record<string, Kept>;
+  } catch {
+    return {};
+  }
+}
+
+/** Whether a form of this tab differs from its experiment. */
+export const isAnyChanged = () => Object.values(keptForms()).some(({ set }) => Object.keys(set).length > 0);
+
 export class Form {
   schema = $state.raw<Schema | undefined>();
   config = $state.raw<Config | undefined>();
@@ -39,7 +59,31 @@ export class Form {
     readonly lens?: string,
   ) {
     void server.call<Schema>("schema", { kind: "experiment" }).then((schema) => (this.schema = schema));
-    this.#changes = this.#read({});
+    this.#changes = this.#begin(keptForms()[experiment]);
+  }
+
+  /** Takes what the tab holds of the form. */
+  async #begin(kept: Kept = { set: {}, out: "" }): Promise<void> {
+    await this.#read(kept.set);
+    // The experiment, or the lens that it is fitted to, has become another one: the form shows it, and why the changes do not fit.
+    if (!this.config && Object.keys(kept.set).length > 0) {
+      const refused = this.#refused;
+      await this.#read({});
+      if (this.config) this.#refused = refused;
+    }
+    if (!this.config || !kept.out) return;
+    this.out = kept.out;
+    if (await this.isTaken()) this.out = free(this.config);
+  }
+
+  /** Keeps the form for this tab. */
+  keep(): void {
+    if (this.config) sessionStorage.setItem(STORE, JSON.stringify({ ...keptForms(), [this.experiment]: { set: this.set, out: this.out } }));
+  }
+
+  /** Waits for the changes that are on their way. */
+  async settled(): Promise<void> {
+    await this.#changes;
   }
 
   /** What is wrong, by the key beside which it is said. */
@@ -124,20 +168,23 @@ export class Form {
     return (await server.call<Config>("design-config", { run: this.run })).is_taken;
   }
 
-  /** Looks at the experiment as before its first step. */
-  async check(): Promise<boolean> {
+  /** Looks at the experiment as before its first step; once more if it was changed meanwhile. */
+  async check(): Promise<void> {
     this.isLooking = true;
-    let isFine = false;
-    try {
-      this.look = await server.call<Look>("design-check", { run: this.run });
-      this.#accept("");
-      isFine = this.look.problems.length === 0;
-    } catch (error) {
-      if (!(error instanceof CallError)) throw error;
-      this.refuse("", error.text, this.#keyOf(error, ""));
-    }
+    let of: unknown;
+    do {
+      await this.settled();
+      of = this.set;
+      try {
+        this.look = await server.call<Look>("design-check", { run: this.run });
+        this.#accept("");
+      } catch (error) {
+        if (!(error instanceof CallError)) throw error;
+        this.refuse("", error.text, this.#keyOf(error, ""));
+      }
+      await this.settled();
+    } while (of !== this.set);
     this.isLooking = false;
-    return isFine;
   }
 }
 

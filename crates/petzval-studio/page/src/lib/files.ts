@@ -8,6 +8,9 @@ export function formatOf(name: string): LensFormat | undefined {
   return (["toml", "zmx", "seq", "json"] as const).find((format) => format === ending);
 }
 
+/** Whether a file is a picture: by its type, or by its ending where the system names no type. */
+export const isPicture = ({ name, type }: File) => type.startsWith("image/") || /\.(png|jpe?g|tiff?|exr|hdr|p[bgnp]m|webp|bmp|gif)$/i.test(name);
+
 /** The text of a file in UTF-8, or in UTF-16 with its byte order mark, as Zemax writes it. Other bytes are Latin-1. */
 export async function textOf(file: Blob): Promise<string> {
   const bytes = new Uint8Array(await file.arrayBuffer());

@@ -1,9 +1,12 @@
 // Where one is on the page: the room, and what is shown in it. It stands in the address behind #, so that a tab that is loaded again, also after a
-// restart of the studio, is where it was.
+// restart of the studio, is where it was. Each place is an entry in the history of the browser.
 
 import type { First, Room } from "./types";
 
 const ROOMS: Room[] = ["lens", "camera", "task", "design", "runs"];
+
+/** The folder whose runs are listed if none is named. */
+const RUNS = "runs";
 
 class Place {
   room = $state<Room>("lens");
@@ -14,7 +17,7 @@ class Place {
   experiment = $state<string | undefined>();
   sweep = $state<string | undefined>();
   /** The folder whose runs are listed. */
-  runs = $state("runs");
+  runs = $state(RUNS);
 
   /** Takes the place from the address; false if it holds none. */
   read(): boolean {
@@ -26,7 +29,7 @@ class Place {
     this.camera = keys.get("camera") ?? undefined;
     this.experiment = keys.get("experiment") ?? undefined;
     this.sweep = keys.get("sweep") ?? undefined;
-    this.runs = keys.get("runs") ?? this.runs;
+    this.runs = keys.get("runs") ?? RUNS;
     return true;
   }
 
@@ -39,26 +42,27 @@ class Place {
     this.sweep = first.sweep ?? undefined;
     if (first.runs) this.runs = first.runs;
     else if (first.run) this.runs = first.run.includes("/") ? first.run.slice(0, first.run.lastIndexOf("/")) : ".";
-    this.keep();
+    history.replaceState(null, "", this.#address());
   }
 
-  keep(): void {
+  #address(): string {
     const keys = new URLSearchParams();
     if (this.run) keys.set("run", this.run);
     if (this.run && this.camera) keys.set("camera", this.camera);
     if (this.experiment) keys.set("experiment", this.experiment);
     if (this.sweep) keys.set("sweep", this.sweep);
-    if (this.runs !== "runs") keys.set("runs", this.runs);
+    if (this.runs !== RUNS) keys.set("runs", this.runs);
     const query = keys.toString();
-    history.replaceState(null, "", `#${this.room}${query ? `?${query}` : ""}`);
+    return `#${this.room}${query ? `?${query}` : ""}`;
   }
 
-  go(room: Room, what: Partial<Pick<Place, "run" | "camera" | "experiment" | "sweep">> = {}): void {
+  go(room: Room, what: Partial<Pick<Place, "run" | "camera" | "experiment" | "sweep" | "runs">> = {}): void {
     this.room = room;
     // A camera belongs to its run.
     if ("run" in what) this.camera = undefined;
     Object.assign(this, what);
-    this.keep();
+    const address = this.#address();
+    if (address !== location.hash) history.pushState(null, "", address);
   }
 }
 
