@@ -24,11 +24,32 @@ export function stateOf(row: Row, parameter: string): Choice {
   return variableOf(row, parameter) ? "varies" : "held";
 }
 
-/** The same in words. */
+/** Whether the radius of a surface holds the focal length or the magnification. */
+export const holdsPower = (row: Row) => ["efl", "magnification"].includes(stateOf(row, "radius_mm"));
+
+/** The value of a number as lens files name it; none of a plane's radius. */
+function valueOf(row: Row, parameter: string): number | undefined {
+  const power = /^a(\d+)$/.exec(parameter)?.[1];
+  if (power) return row.asphere[Number(power) / 2 - 1];
+  const { radius_mm, curvature_per_mm, thickness_mm, conic } = row;
+  const values: Record<string, number | null> = { radius_mm, curvature_per_mm, thickness_mm, conic };
+  return values[parameter] ?? undefined;
+}
+
+/** The share of the range of a variable within which its value lies at a bound. */
+const AT_BOUND = 1e-5;
+
+/** The bound at which the value of a variable lies. */
+export function boundOf(row: Row, { parameter, min, max }: Variable): number | undefined {
+  const value = valueOf(row, parameter);
+  return value === undefined ? undefined : [min, max].find((bound) => Math.abs(value - bound) <= AT_BOUND * (max - min));
+}
+
+/** What sets a number, in words. */
 export function inWords(row: Row, parameter: string): string {
   const by = settledBy(row, parameter);
   const own = variableOf(row, parameter);
-  if (own) return `varies from ${short(own.min)} to ${short(own.max)}`;
+  if (own) return `varies from ${short(own.min)} to ${short(own.max)}${boundOf(row, own) === undefined ? "" : ", and is at its bound"}`;
   if (!by) return "held";
   if ("efl" in by) return `holds the focal length of ${short(by.efl.efl_mm, 7)} mm`;
   if ("magnification" in by) return `holds the magnification of ${short(by.magnification.magnification, 7)}`;

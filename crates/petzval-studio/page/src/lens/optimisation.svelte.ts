@@ -1,8 +1,10 @@
 // An optimisation of the lens that is worked on. It goes on while one is in another room.
 
 import { CallError, server, type Running } from "../lib/server.svelte";
+import { meanRms } from "../lib/numbers";
 import { session } from "../lib/session.svelte";
 import type { JobEvent, View } from "../lib/types";
+import { holdsPower } from "./freedom";
 
 interface Found {
   found: { start: { mean_rms_um: number } | null; best: { mean_rms_um: number }; lens: string };
@@ -19,6 +21,10 @@ class Optimisation {
   rewound = $state<number | undefined>();
   /** Files of the lenses on the way, for going back to one. */
   lenses = $state.raw<string[]>([]);
+  /** The lens that it found, or a step of it that was gone back to. */
+  shown = $state.raw("");
+  /** The surfaces whose radii held a focal length or a magnification before it began. */
+  solved = $state.raw<number[]>([]);
   /** The lens that it began with. */
   #begun = "";
 
@@ -32,14 +38,15 @@ class Optimisation {
     const step = this.lenses.length;
     // A lens that was changed meanwhile is the one to be seen.
     if (session.toml !== this.#begun) return;
+    const { parts } = session;
     session.live.send<View>({
       job: "lens-view",
-      request: { lens: path, quick: true, parts: session.parts, goal: this.#limits(), max_frequency: session.maxFrequency },
+      request: { lens: path, quick: true, parts, goal: this.#limits(), max_frequency: session.maxFrequency },
       done: (view) => {
         if (!this.running || session.toml !== this.#begun) return;
-        session.view = view;
-        const rms = view.spots.reduce((sum, spot) => sum + spot.rms_um, 0) / Math.max(view.spots.length, 1);
-        if (view.spots.length > 0) this.history = [...this.history, { step, rms_um: rms }];
+        session.see(view, parts);
+        const rms_um = meanRms(view.spots);
+        if (rms_um !== undefined) this.history = [...this.history, { step, rms_um }];
       },
     });
   }
@@ -53,6 +60,7 @@ class Optimisation {
   async start(): Promise<void> {
     const begun = session.toml;
     this.#begun = begun;
+    this.solved = session.view?.surfaces.filter(holdsPower).map(({ surface }) => surface) ?? [];
     const time = new Date().toISOString().replace(/\.\d+Z$/, "").replaceAll(":", "-");
     const out = `studio-optimised/${time}`;
     this.history = [];
@@ -88,6 +96,7 @@ class Optimisation {
     try {
       const { text } = await server.call<{ text: string }>("lens-edit", { lens: path });
       if (session.toml === begun) {
+        this.shown = text;
         if (text !== begun) session.push(text, "optimise");
       } else {
         this.offered = text;
@@ -102,6 +111,7 @@ class Optimisation {
   /** Takes the lens that was found although the lens was changed meanwhile. */
   accept(): void {
     if (this.offered === undefined) return;
+    this.shown = this.offered;
     session.push(this.offered, "optimise");
     this.offered = undefined;
     session.refresh();
@@ -113,6 +123,7 @@ class Optimisation {
     this.rewound = index;
     try {
       const { text } = await server.call<{ text: string }>("lens-edit", { lens: path });
+      this.shown = text;
       session.push(text, `rewind to step ${index}`);
       session.refresh();
     } catch (error) {

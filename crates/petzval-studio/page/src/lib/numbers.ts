@@ -14,6 +14,11 @@ export function fixed(value: number | null | undefined, places: number): string 
   return value === null || value === undefined || !Number.isFinite(value) ? "–" : value.toFixed(places);
 }
 
+/** The mean over the fields of the RMS radius of the spots, µm; none without spots. */
+export function meanRms(spots: { rms_um: number }[]): number | undefined {
+  return spots.length > 0 ? spots.reduce((sum, spot) => sum + spot.rms_um, 0) / spots.length : undefined;
+}
+
 /** A number that a person wrote; a comma may stand for the point. Undefined if it is none. */
 export function parsed(text: string): number | undefined {
   const plain = text.trim().replace(",", ".").replace(/^−/, "-");

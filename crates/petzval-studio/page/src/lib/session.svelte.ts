@@ -80,6 +80,8 @@ class Session {
   steps = $state.raw<Step[]>([]);
   at = $state(0);
   view = $state.raw<View | undefined>();
+  /** The parts that the view was computed with; everything if empty. */
+  #computed = $state.raw<string[]>([]);
   /** By how much the quick view of the same lens differed from the exact one: of the largest RMS spot. */
   difference = $state<number | undefined>();
   /** Edits that are being dragged, on top of the present state. */
@@ -217,6 +219,19 @@ class Session {
     }
   }
 
+  /** Shows a view that has these parts; everything if none are named. */
+  see(view: View, parts: string[]): void {
+    this.view = view;
+    this.#computed = parts;
+    if (this.selected > view.surfaces.length) this.selected = 0;
+  }
+
+  /** Why a part of the view has nothing to show. */
+  whyEmpty(part: Part): string {
+    if (this.#computed.length === 0 || this.#computed.includes(part)) return "no light reaches the image";
+    return server.lost ? "not computed: the studio is not reached" : "not computed yet";
+  }
+
   /** Notes whether a part of the view lies in the window. */
   sees(part: Part, isSeen: boolean): void {
     if (isSeen) this.#unseen.delete(part);
@@ -281,6 +296,7 @@ class Session {
       for (;;) {
         // A channel of its own: a drag that goes on must not take the place of the step.
         const toml = this.toml;
+        const { parts } = this;
         const view = await server.call<View>("lens-view", this.#request(edits, true), { live: "commit" });
         // Another lens was opened: the edits were none of it.
         if (history !== this.#history) return false;
@@ -289,7 +305,7 @@ class Session {
         this.dragged = [];
         this.notice = undefined;
         if (view.toml !== this.toml) this.push(view.toml, what);
-        this.view = view;
+        this.see(view, parts);
         this.#exactLater();
         return true;
       }
@@ -343,7 +359,7 @@ class Session {
   #look(edits: Edit[], quick: boolean): void {
     clearTimeout(this.#rest);
     this.#exact.drop();
-    const toml = this.toml;
+    const { toml, parts } = this;
     const channel = quick ? this.live : this.#exact;
     channel.send<View>({
       job: "lens-view",
@@ -355,7 +371,7 @@ class Session {
           this.difference = differenceOf(this.view, view);
           this.outOfFocus = view.out_of_focus ?? undefined;
         }
-        this.view = view;
+        this.see(view, parts);
         this.warnings = warnings;
         this.maxFrequency ??= view.mtf[0]?.frequency_per_mm.at(-1);
         if (quick && edits.length === 0) this.#exactLater();
