@@ -17,9 +17,19 @@ export class CallError extends Error {
   /** Message and hint alone, for what stands beside the very value. */
   get plain(): string {
     const { message, hint } = this.report;
-    return hint ? `${message} (${hint})` : message;
+    return inPage(hint ? `${message} (${hint})` : message);
   }
 }
+
+/** What the command or a request calls otherwise than the page. */
+const IN_PAGE: [RegExp, string][] = [
+  [/`glasses` of the call FILE reads/, "a studio that was started with `petzval studio --glasses FILE` reads"],
+  [/resume it with `resume ([^`]+)`,? or choose another with `out`/, "open $1 and press Resume, or name another folder of the run"],
+  [/give the folder that `petzval sweep` had as --store/, "name the folder of a sweep"],
+];
+
+/** A message in the words of the page. */
+export const inPage = (text: string) => IN_PAGE.reduce((found, [words, own]) => found.replace(words, own), text);
 
 /** What a message is about: file, line and column, key and value, as far as they are known. */
 function whereOf({ path, line, column, key, value }: Place): string {

@@ -289,7 +289,7 @@ export interface RunRow {
   step: number;
   total: number;
   camera?: string;
-  scores: { name: string; value: number }[];
+  scores: { name: string; value: number; title?: string; unit?: string; decimals?: number }[];
   seconds: number;
   begun: string;
   differs: Record<string, string>;

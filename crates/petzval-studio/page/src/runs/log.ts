@@ -1,6 +1,7 @@
 // The log of a process that a call began: what it says, and how it ended.
 
 import { fileUrl } from "../lib/paths";
+import { inPage } from "../lib/server.svelte";
 
 /** What a log says so far. */
 export interface Said {
@@ -45,7 +46,7 @@ function said(texts: string[]): Said {
   const isOver = ended !== undefined;
   if (failed) {
     const message = failed.message ?? "the process has failed";
-    return { notes, isAtWork, isOver, wrong: failed.hint ? `${message} (${failed.hint})` : message };
+    return { notes, isAtWork, isOver, wrong: inPage(failed.hint ? `${message} (${failed.hint})` : message) };
   }
   if (ended && ended.code !== 0) {
     // What a process says before it breaks down is no event.
