@@ -649,6 +649,7 @@ test("an experiment as a form, started, watched, stopped, and found again by the
     await state.filter({ hasText: "running" }).waitFor();
     await page.getByRole("button", { name: "Stop", exact: true }).click();
     await state.filter({ hasText: "stopped" }).waitFor();
+    assert.equal(await page.getByText(/ends after its step/).count(), 0, "what was said of the stop is over");
     await page.getByRole("button", { name: "Resume" }).click();
     await page.getByText(/process \d+ goes on with the run/).waitFor();
     await state.filter({ hasText: "running" }).waitFor();

@@ -24,6 +24,9 @@ export function stateOf(row: Row, parameter: string): Choice {
   return variableOf(row, parameter) ? "varies" : "held";
 }
 
+/** The name of a number without its unit. */
+export const plain = (parameter: string) => parameter.replace(/_(per_)?mm$/, "");
+
 /** Whether the radius of a surface holds the focal length or the magnification. */
 export const holdsPower = (row: Row) => ["efl", "magnification"].includes(stateOf(row, "radius_mm"));
 

@@ -58,6 +58,7 @@ class Optimisation {
   }
 
   async start(): Promise<void> {
+    await session.settled();
     const begun = session.toml;
     this.#begun = begun;
     this.solved = session.view?.surfaces.filter(holdsPower).map(({ surface }) => surface) ?? [];

@@ -60,6 +60,7 @@ class Tolerances {
   }
 
   async start(): Promise<void> {
+    await session.settled();
     const begun = session.toml;
     const time = new Date().toISOString().replace(/\.\d+Z$/, "").replaceAll(":", "-");
     const out = `studio-tolerances/${time}`;
