@@ -226,6 +226,7 @@ export function numbersAndEdges(test, { open, tab, exact, toml, picture, PHONE }
     await picture(page, "camera-edge");
     // A region that is drawn holds no edge, and says so; the keys move it back onto the edge.
     const region = page.getByRole("slider", { name: "Region of the edge" });
+    await region.scrollIntoViewIfNeeded();
     const box = await region.boundingBox();
     const to = async (x, y) => page.mouse.move(box.x + x * box.width, box.y + y * box.height);
     await to(0.05, 0.4);
