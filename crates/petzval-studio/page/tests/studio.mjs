@@ -690,7 +690,8 @@ test("finished runs: table, report, film, crops, comparison, sheets, on a phone 
   await page.getByRole("region", { name: "Sheets" }).getByRole("link", { name: "runs/seed-1/report.html" }).waitFor();
   // The task of a camera is that of its row, not of another one.
   await page.getByTitle("Look at the task with the network of nominal").press("Enter");
-  await page.getByRole("region", { name: "Task", exact: true }).getByText("camera nominal").waitFor();
+  await page.getByRole("region", { name: "Task", exact: true }).getByText(", camera nominal, network").waitFor();
+  await page.getByRole("button", { name: "Open the lens of the camera nominal" }).waitFor();
   await tab(page, "Runs").click();
   // A lens of the run goes into the lens room.
   // By the keyboard: a click right after the page scrolls can land in the frame that was there before.
