@@ -51,10 +51,12 @@ impl Samples {
         self.piled |= clip_dn < max_dn && odd.count_ones() == u32::BITS - odd.leading_zeros();
     }
 
-    /// The different numbers, ascending. The top of the range is left out: clipped samples may be set to it whatever the others are.
-    fn inside(&self, max_dn: u32) -> impl Iterator<Item = u32> + '_ {
+    /// The different numbers, ascending, unless they are few. The top of the range is left out: clipped samples may be set to it whatever the
+    /// others are.
+    fn numbers(&self, max_dn: u32) -> Option<Vec<u32>> {
         let numbers = self.all.counts.iter().zip(self.all.first_dn..).filter(|(count, _)| **count > 0);
-        numbers.map(|(_, dn)| dn).filter(move |dn| *dn < max_dn)
+        let inside: Vec<u32> = numbers.map(|(_, dn)| dn).filter(|dn| *dn < max_dn).collect();
+        (inside.len() >= FACTOR_NUMBERS).then_some(inside)
     }
 
     /// The highest bit that is the same in all samples while higher ones change. Zeros at the low end are those of left-aligned frames, and
@@ -63,30 +65,25 @@ impl Samples {
     /// Frames of few levels may lack a bit by chance. So the samples must step over the numbers with the other bit without a gap: from the
     /// last number before them to the first one after them.
     pub fn stuck_bit(&self, max_dn: u32) -> Option<StuckBit> {
-        if self.inside(max_dn).count() < FACTOR_NUMBERS {
-            return None;
-        }
-        let (any, all) = self.inside(max_dn).fold((0, u32::MAX), |(any, all), dn| (any | dn, all & dn));
+        let numbers = self.numbers(max_dn)?;
+        let (any, all) = numbers.iter().fold((0, u32::MAX), |(any, all), dn| (any | dn, all & dn));
         let changes = any & !all;
         let constant = !changes & ((1 << changes.ilog2()) - 1);
         // The next number with the same constant bits.
         let next = |dn: u32| (((dn | constant) + 1) & !constant) | (dn & constant);
-        let pairs = || self.inside(max_dn).zip(self.inside(max_dn).skip(1));
         let is_stuck = |bit: &u32| {
-            let steps_over = |(a, b): &(u32, u32)| *b == next(*a) && (a >> bit) != (b >> bit);
-            pairs().filter(steps_over).count() >= if *bit < WIDE_BIT { NARROW_STEPS } else { 1 }
+            let steps_over = |pair: &&[u32]| pair[1] == next(pair[0]) && (pair[0] >> bit) != (pair[1] >> bit);
+            numbers.windows(2).filter(steps_over).count() >= if *bit < WIDE_BIT { NARROW_STEPS } else { 1 }
         };
-        let bits = (any.trailing_zeros()..u32::BITS).rev().filter(|bit| (constant >> bit) & 1 == 1);
-        bits.filter(is_stuck).map(|bit| StuckBit { bit, is_one: (all >> bit) & 1 == 1 }).next()
+        let mut bits = (any.trailing_zeros()..u32::BITS).rev().filter(|bit| (constant >> bit) & 1 == 1);
+        bits.find(is_stuck).map(|bit| StuckBit { bit, is_one: (all >> bit) & 1 == 1 })
     }
 
     /// Flags about the bits of the converter. Frames of fewer bits than stated end at a quarter of the range or below,
     /// or pile up below its end; left-aligned ones are multiples of a power of two.
     pub fn flags(&self, max_dn: u32) -> ConverterFlags {
-        let factor = match self.inside(max_dn).count() {
-            few if few < FACTOR_NUMBERS => 1,
-            _ => self.inside(max_dn).fold(0, greatest_common_divisor),
-        };
+        let factor =
+            self.numbers(max_dn).map_or(1, |numbers| numbers.into_iter().fold(0, greatest_common_divisor));
         let largest_dn = self.all.last_dn();
         let quarter = largest_dn < max_dn / 4;
         let top_is_open = self.has_flats && largest_dn + factor <= max_dn && (self.piled || quarter);

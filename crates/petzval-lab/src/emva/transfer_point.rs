@@ -49,11 +49,9 @@ impl TransferPoint {
         mean_difference: bool,
         clip_dn: u32,
     ) -> Self {
-        let share_at_max = share_at(flat, clip_dn);
-        let is_clipped = share_at_max > CLIPPED_SHARE;
         let variance =
             |m: &Moments| if mean_difference { m.variance_dn2 } else { m.variance_uncorrected_dn2 };
-        Self {
+        let point = Self {
             exposure_s,
             photons,
             mean_dn: flat.mean_dn,
@@ -64,10 +62,13 @@ impl TransferPoint {
             dark_mean_se_dn: dark.mean_se_dn,
             dark_variance_dn2: variance(dark),
             dark_variance_se_dn2: dark.variance_se_dn2,
-            row_flicker_dn2: if is_clipped { 0.0 } else { row_flicker_dn2(flat, dark) },
+            row_flicker_dn2: 0.0,
             total_variance_dn2: flat.total_variance_dn2(),
-            share_at_max,
-        }
+            share_at_max: share_at(flat, clip_dn),
+        };
+        // Clipped samples have lost their noise, and that of rows with it.
+        let row_flicker_dn2 = if point.is_clipped() { 0.0 } else { row_flicker_dn2(flat, dark) };
+        Self { row_flicker_dn2, ..point }
     }
 
     /// Whether samples are clipped: mean and noise of such a point are biased.

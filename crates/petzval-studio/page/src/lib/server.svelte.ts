@@ -23,7 +23,7 @@ export class CallError extends Error {
 
 /** What the command or a request calls otherwise than the page. */
 const IN_PAGE: [RegExp, string][] = [
-  [/`glasses` of the call FILE reads/, "a studio that was started with `petzval studio --glasses FILE` reads"],
+  [/`glasses` of the call reads/, "a studio that was started with `petzval studio --glasses FILE` reads"],
   [/resume it with `resume ([^`]+)`,? or choose another with `out`/, "open $1 and press Resume, or name another folder of the run"],
   [/give the folder that `petzval sweep` had as --store/, "name the folder of a sweep"],
 ];
