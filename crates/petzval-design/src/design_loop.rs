@@ -338,7 +338,7 @@ impl DesignLoop {
             self.checkpoint(observer)?;
         }
         observer.start(self.position.step, self.position.step + self.position.left(&setup) as u64);
-        observer.plan(self.position.units_left(&setup));
+        observer.plan(self.position.units_left(&setup.variants));
         while let Some(variant) = self.position.variant(&setup) {
             if stop.is_set() {
                 self.checkpoint(observer)?;

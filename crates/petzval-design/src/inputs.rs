@@ -16,6 +16,7 @@ use crate::path_text::path_text;
 use crate::run::first_reads;
 use crate::run::input_list::{BUILT_IN, InputList, Pictures};
 use crate::run::{ChangedFile, DigestCheck, RunFolder, RunRecord, hex, write_file};
+use crate::scoring::Scorer;
 use crate::setup::Setup;
 use crate::task::{Content, WindowInputs};
 
@@ -108,14 +109,15 @@ fn relative(path: &Path, folder: &Path) -> PathBuf {
     up.chain(path.components().skip(shared)).collect()
 }
 
-/// Keeps in a new run folder what the run is made from, and writes the `config.toml` that names it, and its record
+/// Keeps in a new run folder what the run of this scorer's setup is made from, and writes the `config.toml` that names it, and its record
 /// with its [usual steps](RunRecord::usual_steps).
 pub fn keep_inputs(
-    setup: &Setup,
+    scorer: &Scorer,
     assets: &Assets,
     run: &RunFolder,
     usual_steps: Option<usize>,
 ) -> Result<()> {
+    let setup = scorer.setup();
     let experiment = &setup.experiment;
     // The setup has read the lens already, and reported its warnings.
     let lens = assets.import(&experiment.lens)?.file;
@@ -175,7 +177,7 @@ pub fn keep_inputs(
         }
     }
     let text = kept.to_toml()?;
-    RunRecord::begin(kept, usual_steps).write(run)?;
+    RunRecord::begin(kept, usual_steps, scorer.scores()).write(run)?;
     write_file(&run.config(), text.as_bytes())
 }
 

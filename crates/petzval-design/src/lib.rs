@@ -36,7 +36,7 @@ pub mod plausible;
 mod position;
 pub mod report;
 pub mod run;
-mod run_progress;
+pub mod run_progress;
 pub mod run_row;
 pub mod scalar_log;
 pub mod scoring;

@@ -2,12 +2,13 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
+use petzval_base::statistics::median;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::run::{Event, SCORE};
 
-/// Units of a part whose mean duration is its pace.
+/// Units of a part whose median duration is its pace.
 const PACE_UNITS: usize = 20;
 
 /// Units of work that a camera has left in one of its stages: steps of a block, iterations of a lens that is improved alone, or its score.
@@ -154,7 +155,8 @@ impl Pace {
         Some(at)
     }
 
-    /// Mean seconds of a unit: of the same camera or, before it has taken one, of all others.
+    /// Seconds of a unit: the median of the same camera's or, before it has taken one, of all others'. A unit during which the computer was asleep
+    /// does not count a thousand times.
     fn seconds_of(&self, part: &UnitsLeft) -> Option<f64> {
         let own = self.latest.get(&(part.camera.clone(), part.block.clone())).filter(|all| !all.is_empty());
         let seconds: Vec<f64> = match own {
@@ -164,7 +166,7 @@ impl Pace {
                 alike.flat_map(|(_, all)| all.iter().copied()).collect()
             }
         };
-        (!seconds.is_empty()).then(|| seconds.iter().sum::<f64>() / seconds.len() as f64)
+        (!seconds.is_empty()).then(|| median(seconds))
     }
 }
 
@@ -251,6 +253,15 @@ mod tests {
         let pace = Pace::new(rest, &events);
         // The score comes on top, but the lens may need fewer than its ten iterations.
         assert_eq!(pace.time_left(), Some(TimeLeft { seconds: 189.0 * 2.0 + 600.0, is_least: false }));
+    }
+
+    #[test]
+    fn a_step_during_which_the_computer_slept_is_no_pace() {
+        let mut pace = Pace::new(left(), &[]);
+        for (step, seconds) in (1..=10).map(|step| (step, if step == 7 { 30_000.0 } else { 2.0 })) {
+            pace.note(&event(step, "nominal", "network", 0.0), seconds);
+        }
+        assert_eq!(pace.time_left(), Some(TimeLeft { seconds: 190.0 * 2.0, is_least: true }));
     }
 
     #[test]

@@ -119,7 +119,7 @@ impl Position {
     }
 
     /// The same by what moves: camera by camera, stage by stage.
-    pub fn units_left(&self, setup: &Setup) -> Vec<UnitsLeft> {
+    pub fn units_left(&self, variants: &[Variant]) -> Vec<UnitsLeft> {
         let of = |v: &Variant| -> Vec<UnitsLeft> {
             let is_at_work = self.variant.as_ref() == Some(&v.name);
             let done = if is_at_work { self.stage } else { self.finished(v) };
@@ -154,7 +154,7 @@ impl Position {
             parts.retain(|part| part.units > 0);
             parts
         };
-        setup.variants.iter().flat_map(of).collect()
+        variants.iter().flat_map(of).collect()
     }
 
     /// Refuses a position that the run of this setup cannot have at this step.

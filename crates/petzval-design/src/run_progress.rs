@@ -1,6 +1,5 @@
 //! How far a run at work has come, from what its folder holds: its events, its finished cameras and the lenses of its checkpoints.
 
-use std::collections::BTreeMap;
 use std::time::Duration;
 
 use petzval_optics::glass::Catalog;
@@ -9,14 +8,13 @@ use petzval_report::design_report::{CameraProgress, CameraState, Progress};
 
 use crate::error::{DesignError, Result};
 use crate::experiment::{BlockName, Stage, Variant};
-use crate::run::{Event, Metrics, RunFolder, SCORE};
+use crate::pace::{Pace, TimeLeft};
+use crate::position::{POSITION_FILE, Position};
+use crate::run::{Event, Metrics, RunFolder, SCORE, latest_checkpoint, read_json};
 use crate::setup::Setup;
 
 /// The loss of a step, the sum of all its terms.
 pub(crate) const TOTAL: &str = "total";
-
-/// Steps of a block whose mean duration is its pace.
-const PACE_STEPS: usize = 20;
 
 /// The camera at work: that of the last event, unless this was its score.
 pub(crate) fn at_work<'s>(setup: &'s Setup, events: &[Event]) -> Option<&'s Variant> {
@@ -37,7 +35,7 @@ pub(crate) fn latest_lens(run: &RunFolder, variant: &Variant, events: &[Event]) 
 }
 
 /// How far every camera has come, and how long the rest will take.
-pub(crate) fn progress(setup: &Setup, metrics: &Metrics, events: &[Event]) -> Progress {
+pub(crate) fn progress(setup: &Setup, run: &RunFolder, metrics: &Metrics, events: &[Event]) -> Progress {
     let at_work = at_work(setup, events);
     let camera = |variant: &Variant| {
         let state = match at_work {
@@ -63,7 +61,7 @@ pub(crate) fn progress(setup: &Setup, metrics: &Metrics, events: &[Event]) -> Pr
     };
     Progress {
         cameras: setup.variants.iter().map(camera).collect(),
-        time_left: time_left(setup, metrics, events),
+        time_left: time_left(run, &setup.variants, events).map(in_words),
     }
 }
 
@@ -83,32 +81,26 @@ pub(crate) fn is_scored(metrics: &Metrics, variant: &Variant) -> bool {
     metrics.rows.iter().any(|row| row.camera == variant.name)
 }
 
-/// The steps for the task that are left, at the mean pace of the latest steps of each block, in words. Lenses that are improved without
-/// pictures, scores, and blocks that have not moved yet are not in it.
-fn time_left(setup: &Setup, metrics: &Metrics, events: &[Event]) -> Option<String> {
-    let pace = |block: BlockName| {
-        let latest = events.iter().rev().filter(|event| event.block == block.name()).take(PACE_STEPS);
-        let seconds: Vec<f64> = latest.map(|event| event.seconds).collect();
-        (!seconds.is_empty()).then(|| seconds.iter().sum::<f64>() / seconds.len() as f64)
+/// How long the rest of a run takes, by its latest checkpoint and the events after it. `None` before its first event, at its end, and where the
+/// checkpoint cannot be read.
+pub fn time_left(run: &RunFolder, variants: &[Variant], events: &[Event]) -> Option<TimeLeft> {
+    let position = match latest_checkpoint(run).ok()? {
+        Some((_, folder)) => read_json(&folder.join(POSITION_FILE)).ok()?,
+        None => Position::default(),
     };
-    let mut left: BTreeMap<BlockName, usize> = BTreeMap::new();
-    for variant in setup.variants.iter().filter(|variant| !is_scored(metrics, variant)) {
-        for block in BlockName::ALL {
-            let is_own = |event: &&Event| event.camera == variant.name && event.block == block.name();
-            let taken = events.iter().filter(is_own).count();
-            *left.entry(block).or_default() += variant.task_steps_of(block).saturating_sub(taken);
-        }
+    let (before, after) = events.split_at(events.partition_point(|event| event.step <= position.step));
+    let mut pace = Pace::new(position.units_left(variants), before);
+    for event in after {
+        pace.note(event, event.seconds);
     }
-    left.retain(|_, steps| *steps > 0);
-    let known: Vec<f64> =
-        left.iter().filter_map(|(block, steps)| Some(*steps as f64 * pace(*block)?)).collect();
-    if known.is_empty() {
-        return None;
-    }
-    let least = if known.len() < left.len() { "at least" } else { "about" };
-    // To the minute, unless it is less than one.
-    let seconds = known.iter().sum::<f64>().ceil() as u64;
+    pace.time_left()
+}
+
+/// The time that is left, as a report says it: to the minute, unless it is less than one.
+fn in_words(left: TimeLeft) -> String {
+    let least = if left.is_least { "at least" } else { "about" };
+    let seconds = left.seconds.ceil() as u64;
     let rounded = if seconds < 60 { seconds } else { seconds.div_ceil(60) * 60 };
     let time = humantime::format_duration(Duration::from_secs(rounded));
-    Some(format!("The steps that are left take {least} {time} at the pace of the latest ones."))
+    format!("The rest takes {least} {time} at the pace of the latest steps.")
 }

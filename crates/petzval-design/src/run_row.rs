@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use petzval_learn::score::ScoreDescription;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -65,6 +66,12 @@ pub struct RunRow {
 pub struct RowScore {
     /// Its name: `psnr_db`.
     pub name: String,
+    /// Heading; the name in words in runs of earlier versions that are not finished.
+    pub title: String,
+    /// Unit; empty for a plain number.
+    pub unit: String,
+    /// Digits after the decimal point in tables.
+    pub decimals: usize,
     /// Its value.
     pub value: f64,
 }
@@ -126,7 +133,7 @@ fn fill(row: &mut RunRow, folder: &Path, library: &Library) -> Result<()> {
             return Err(DesignError::Run { path: run.root().to_path_buf(), problem: change.to_string() });
         }
         let metrics = read_metrics(&run)?;
-        row.take(&metrics.rows, &metrics.scores.iter().map(|score| score.name.clone()).collect::<Vec<_>>());
+        row.take(&metrics.rows, &metrics.scores);
         row.state = RunState::Finished;
         row.seconds = finish.map_or(row.seconds, |finish| finish.seconds);
         return Ok(());
@@ -136,8 +143,16 @@ fn fill(row: &mut RunRow, folder: &Path, library: &Library) -> Result<()> {
         return Err(DesignError::Run { path: run.root().to_path_buf(), problem });
     }
     row.state = if run.is_at_work() { RunState::Running } else { RunState::Stopped };
-    row.take(&finished_cameras(&run, &experiment)?, &experiment.scoring.scores);
+    row.take(&finished_cameras(&run, &experiment)?, &scores_so_far(record.as_ref(), &experiment));
     Ok(())
+}
+
+/// The scores of a run that is not finished. Of those that an earlier version began, the names are known.
+pub fn scores_so_far(record: Option<&RunRecord>, experiment: &Experiment) -> Vec<ScoreDescription> {
+    match record {
+        Some(record) if !record.scores.is_empty() => record.scores.clone(),
+        _ => experiment.scoring.scores.iter().map(|name| ScoreDescription::of_name(name)).collect(),
+    }
 }
 
 /// The figures of the cameras that are finished, in the order of the experiment.
@@ -148,13 +163,17 @@ pub fn finished_cameras(run: &RunFolder, experiment: &Experiment) -> Result<Vec<
 
 impl RunRow {
     /// Takes the scores of the last camera that is no ceiling.
-    fn take(&mut self, cameras: &[CameraMetrics], order: &[String]) {
+    fn take(&mut self, cameras: &[CameraMetrics], scores: &[ScoreDescription]) {
         let Some(camera) = cameras.iter().rfind(|camera| !camera.is_ceiling).or(cameras.last()) else {
             return;
         };
         self.camera = Some(camera.camera.clone());
-        let score = |name: &String| Some(RowScore { name: name.clone(), value: *camera.scores.get(name)? });
-        self.scores = order.iter().filter_map(score).collect();
+        let score = |score: &ScoreDescription| {
+            let value = *camera.scores.get(&score.name)?;
+            let ScoreDescription { name, title, unit, decimals, .. } = score.clone();
+            Some(RowScore { name, title, unit, decimals, value })
+        };
+        self.scores = scores.iter().filter_map(score).collect();
     }
 }
 

@@ -293,9 +293,11 @@ impl From<DesignError> for JobError {
                 Self::Setting { key: "set", value: setting, message, hint }
             }
             _ if error.is_stopped() => Stopped::new(error.to_string()).into(),
-            DesignError::Image(ImageError::Io { ref source, .. }) => {
-                Self::system(error.to_string(), source, "give a PNG, JPEG or TIFF file that exists")
-            }
+            DesignError::Image(ImageError::Io { ref source, .. }) => Self::system(
+                error.to_string(),
+                source,
+                "give a PNG, JPEG, TIFF, WebP or BMP file that exists",
+            ),
             // What has no end, or is far too large to be read, was named by the request. What the system says of a file too large is about
             // one that was being written.
             DesignError::Io { error: ref why, .. }

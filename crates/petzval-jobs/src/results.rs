@@ -15,8 +15,9 @@ use crate::error::{JobError, Result, check_length, write_file};
 pub const NOWHERE: &str = "/dev/null/results";
 
 /// Endings of files that are read or written here, or that people would expect.
-const FILE_ENDINGS: [&str; 26] = [
+const FILE_ENDINGS: [&str; 28] = [
     "agf",
+    "bmp",
     "csv",
     "dng",
     "exr",
@@ -39,6 +40,7 @@ const FILE_ENDINGS: [&str; 26] = [
     "tiff",
     "toml",
     "txt",
+    "webp",
     "y4m",
     "yuv",
     "zmx",

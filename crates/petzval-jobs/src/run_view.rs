@@ -4,9 +4,11 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use petzval_design::experiment::{BlockName, Stage, Variant};
+use petzval_design::pace::TimeLeft;
 use petzval_design::report::run_report::read_metrics;
-use petzval_design::run::{CameraMetrics, Event, Holder, RunFolder, SCORE, read_events};
-use petzval_design::run_row::{RunRow, finished_cameras, run_row};
+use petzval_design::run::{CameraMetrics, Event, Holder, RunFolder, RunRecord, SCORE, read_events};
+use petzval_design::run_progress::time_left;
+use petzval_design::run_row::{RunRow, finished_cameras, run_row, scores_so_far};
 use petzval_learn::score::ScoreDescription;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -34,6 +36,8 @@ petzval_base::parameters! {
 pub struct Response {
     /// How it stands, in one row.
     pub row: RunRow,
+    /// How long the rest takes at the pace of the latest steps; none before the first step and at the end.
+    pub time_left: Option<TimeLeft>,
     /// The process that works on it.
     pub holder: Option<Holder>,
     /// The cameras that it makes, in this order.
@@ -46,7 +50,7 @@ pub struct Response {
     pub lenses: Vec<StepLens>,
     /// The cameras that are finished, with their figures.
     pub cameras: Vec<CameraMetrics>,
-    /// The scores of the cameras, in the order of the experiment; empty until the run is finished.
+    /// The scores of the cameras, in the order of the experiment.
     pub scores: Vec<ScoreDescription>,
     /// Names of the pictures in its folder `pictures`.
     pub pictures: Vec<String>,
@@ -78,6 +82,8 @@ pub struct PlannedStage {
     pub goal: String,
     /// Steps of each block that moves.
     pub steps: BTreeMap<String, usize>,
+    /// Most iterations of a lens alone, with the rounds of its search; 0 for the task.
+    pub iterations: usize,
 }
 
 /// A step of a run.
@@ -116,10 +122,15 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let events = if folder.events().exists() { read_events(&folder.events())? } else { Vec::new() };
     let variants = experiment.variants();
     let cameras = finished_cameras(&folder, &experiment)?;
-    let scores = if folder.metrics().is_file() { read_metrics(&folder)?.scores } else { Vec::new() };
+    let scores = if folder.metrics().is_file() {
+        read_metrics(&folder)?.scores
+    } else {
+        scores_so_far(RunRecord::read(&folder)?.as_ref(), &experiment)
+    };
     let (steps, every) = thinned(&events, request);
     Ok(Response {
         row,
+        time_left: time_left(&folder, &variants, &events),
         holder: folder.holder(),
         variants: planned(&variants, &cameras),
         steps,
@@ -151,13 +162,13 @@ fn planned(variants: &[Variant], finished: &[CameraMetrics]) -> Vec<PlannedCamer
 }
 
 fn stage(of: &Stage) -> PlannedStage {
-    let goal = match of {
-        Stage::Lens { goal, .. } => goal.event(),
-        Stage::Task(_) => "task",
+    let (goal, iterations) = match of {
+        Stage::Lens { goal, iterations, search } => (goal.event(), iterations + search.rounds),
+        Stage::Task(_) => ("task", 0),
     };
     let moved = BlockName::ALL.into_iter().filter(|block| of.steps_of(*block) > 0);
     let steps = moved.map(|block| (block.name().to_owned(), of.steps_of(block)));
-    PlannedStage { goal: goal.to_owned(), steps: steps.collect() }
+    PlannedStage { goal: goal.to_owned(), steps: steps.collect(), iterations }
 }
 
 /// The steps after the one of the request, and one in how many they are. Scores and validations are always given.

@@ -20,10 +20,13 @@ const POLICY: &str = "sandbox allow-scripts allow-popups; default-src 'none'; sc
                       img-src data: blob:; font-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'self'";
 
 /// Endings of the files that are sent, and their kinds.
-const KINDS: [(&str, &str); 10] = [
+const KINDS: [(&str, &str); 13] = [
     ("html", "text/html; charset=utf-8"),
     ("png", "image/png"),
     ("jpg", "image/jpeg"),
+    ("jpeg", "image/jpeg"),
+    ("webp", "image/webp"),
+    ("bmp", "image/bmp"),
     ("svg", "image/svg+xml"),
     ("json", "application/json"),
     ("jsonl", "text/plain; charset=utf-8"),

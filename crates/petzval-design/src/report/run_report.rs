@@ -114,7 +114,7 @@ pub fn report_so_far(setup: &Setup, run: &RunFolder, metrics: Metrics) -> Result
             lenses.extend(lens.map(|lens| (variant, lens)));
         }
     }
-    let progress = run_progress::progress(setup, &metrics, &events);
+    let progress = run_progress::progress(setup, run, &metrics, &events);
     let subtitle = format!("{} of {} cameras are scored.", metrics.rows.len(), setup.variants.len());
     let report = gathered(setup, run, &metrics, events, &lenses)?;
     Ok(Report { subtitle, progress: Some(progress), ..report })

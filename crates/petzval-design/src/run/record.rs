@@ -3,6 +3,7 @@
 
 use std::time::{Duration, SystemTime};
 
+use petzval_learn::score::ScoreDescription;
 use serde::{Deserialize, Serialize};
 
 use super::{RunFolder, date, forget_digests, read_json, write_file};
@@ -26,6 +27,9 @@ pub struct RunRecord {
     /// trained last.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub usual_steps: Option<usize>,
+    /// The scores of its cameras, in the order of the experiment; none in runs of earlier versions.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub scores: Vec<ScoreDescription>,
     /// `config.toml` as the run was begun with it, or as it was last extended.
     pub config: Experiment,
 }
@@ -44,9 +48,9 @@ pub struct Finish {
 }
 
 impl RunRecord {
-    /// The record of a run that begins now, with its [usual steps](Self::usual_steps).
-    pub fn begin(config: Experiment, usual_steps: Option<usize>) -> Self {
-        Self { version: VERSION.to_owned(), begun: now(), finished: None, usual_steps, config }
+    /// The record of a run that begins now, with its [usual steps](Self::usual_steps) and the scores of its cameras.
+    pub fn begin(config: Experiment, usual_steps: Option<usize>, scores: Vec<ScoreDescription>) -> Self {
+        Self { version: VERSION.to_owned(), begun: now(), finished: None, usual_steps, scores, config }
     }
 
     /// The record of a run; none in a folder of a version that kept none.

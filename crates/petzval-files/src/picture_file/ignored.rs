@@ -3,6 +3,7 @@
 use std::io::Cursor;
 
 use ::image::codecs::hdr::HdrMetadata;
+use ::image::codecs::webp::WebPDecoder;
 use moxcms::{ColorProfile, ProfileText, ToneReprCurve};
 
 use petzval_camera::image::srgb_decode;
@@ -17,6 +18,9 @@ const SAME_XY: f32 = 0.003;
 
 /// Gamma of a PNG that stands for sRGB, and how far it may be off.
 const SRGB_GAMMA: (f32, f32) = (1.0 / 2.2, 0.01);
+
+/// The note of an animation.
+const ANIMATION: &str = "it is an animation, of which only one picture is used";
 
 /// A note if the primaries are not those of Rec. 709, which are those of sRGB.
 pub fn primaries_note(xy: &PrimariesXy) -> Option<String> {
@@ -38,7 +42,7 @@ pub fn png_notes(bytes: &[u8]) -> Vec<String> {
     let Ok(reader) = png::Decoder::new(Cursor::new(bytes)).read_info() else { return notes };
     let info = reader.info();
     if info.animation_control.is_some_and(|animation| animation.num_frames > 1) {
-        notes.push("it is an animation, of which only one picture is used".to_owned());
+        notes.push(ANIMATION.to_owned());
     }
     if let Some(code) = info.coding_independent_code_points
         && (code.color_primaries, code.transfer_function) != (1, 13)
@@ -61,6 +65,13 @@ pub fn png_notes(bytes: &[u8]) -> Vec<String> {
         notes.extend(primaries_note(&xy));
     }
     notes
+}
+
+/// A note on a WebP file that is an animation.
+pub fn webp_notes(bytes: &[u8]) -> Vec<String> {
+    let decoder = WebPDecoder::new(Cursor::new(bytes));
+    let is_animation = decoder.is_ok_and(|decoder| decoder.has_animation());
+    is_animation.then(|| ANIMATION.to_owned()).into_iter().collect()
 }
 
 /// A note on a TIFF of several pages.

@@ -1,4 +1,4 @@
-//! Reads pictures from PNG, JPEG, TIFF, OpenEXR and Radiance HDR files, and writes PNG.
+//! Reads pictures from PNG, JPEG, TIFF, WebP, BMP, OpenEXR and Radiance HDR files, and writes PNG.
 
 mod cut_off;
 mod error;
@@ -21,9 +21,12 @@ pub use self::error::ImageError;
 pub(crate) use self::error::{MOST_PICTURE_BYTES, undecoded};
 pub(crate) use self::head::PictureHead;
 use self::head::{OLD_HDR, decoder_limits};
-use self::ignored::{hdr_notes, png_notes, profile_note, tiff_notes};
+use self::ignored::{hdr_notes, png_notes, profile_note, tiff_notes, webp_notes};
 pub(crate) use self::size::{check_decodes, head_of, picture_head};
 pub use self::size::{is_picture_turned, picture_size};
+
+/// Endings of the pictures that a folder is searched for, in lower case.
+pub const PICTURE_ENDINGS: [&str; 7] = ["png", "jpg", "jpeg", "tif", "tiff", "webp", "bmp"];
 
 /// Rows that are turned into light at a time.
 const STRIP_ROWS: u32 = 64;
@@ -78,6 +81,7 @@ pub fn load_image_bytes(bytes: &[u8], name: &str) -> Result<Picture, ImageError>
             let mut notes = match format {
                 Some(ImageFormat::Png) => png_notes(bytes),
                 Some(ImageFormat::Tiff) => tiff_notes(bytes),
+                Some(ImageFormat::WebP) => webp_notes(bytes),
                 _ => Vec::new(),
             };
             let mut decoder = reader.into_decoder().map_err(undecodable)?;

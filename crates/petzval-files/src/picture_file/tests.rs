@@ -3,6 +3,7 @@
 use ::image::codecs::hdr::HdrEncoder;
 use ::image::codecs::jpeg::JpegEncoder;
 use ::image::codecs::png::PngEncoder;
+use ::image::codecs::webp::WebPEncoder;
 use ::image::metadata::Orientation;
 use ::image::{ImageBuffer, ImageEncoder, RgbImage};
 use exr::meta::attribute::Chromaticities;
@@ -133,19 +134,58 @@ fn the_orientation_of_exif_and_tiff_is_obeyed() {
         encoder.set_exif_metadata(exif(turn)).unwrap();
         encoder.write_image(picture, 32, 16, ExtendedColorType::Rgb8).unwrap();
     });
+    let webp = write(&mut |picture, out| {
+        let mut encoder = WebPEncoder::new_lossless(out);
+        encoder.set_exif_metadata(exif(turn)).unwrap();
+        encoder.write_image(picture, 32, 16, ExtendedColorType::Rgb8).unwrap();
+    });
     let tiff = write(&mut |picture, out| {
         let mut encoder = TiffEncoder::new(out).unwrap();
         let mut page = encoder.new_image::<colortype::RGB8>(32, 16).unwrap();
         page.encoder().write_tag(Tag::Orientation, u16::from(turn.to_exif())).unwrap();
         page.write_data(picture).unwrap();
     });
-    for bytes in [png, jpeg, tiff] {
+    for bytes in [png, jpeg, tiff, webp] {
         let Picture { light, notes, .. } = read(&bytes);
         assert_eq!((light.height, light.width, notes.len()), (32, 16, 0));
         for (row, col, bright) in [(4, 12, true), (4, 4, false), (24, 12, false), (24, 4, false)] {
             assert_eq!(light.get(1, row, col) > 0.5, bright, "{row} {col}");
         }
     }
+}
+
+#[test]
+fn webp_and_bmp_have_the_pixels_of_the_same_png() {
+    let file = |format| corner(|picture, out| picture.write_to(out, format).unwrap());
+    let png = read(&file(ImageFormat::Png));
+    for format in [ImageFormat::WebP, ImageFormat::Bmp] {
+        assert_eq!(read(&file(format)), png, "{format:?}");
+    }
+}
+
+/// A WebP animation whose frames all show one picture of 32 x 16 pixels.
+fn webp_animation(frames: usize) -> Vec<u8> {
+    let chunk = |name: &[u8; 4], content: &[u8]| {
+        let padding = content.len() % 2;
+        [name, &(content.len() as u32).to_le_bytes()[..], content, &[0][..padding]].concat()
+    };
+    let still = corner(|picture, out| picture.write_to(out, ImageFormat::WebP).unwrap());
+    let size = [31, 0, 0, 15, 0, 0];
+    // Behind the place of a frame its size, 100 ms and no flags; then the chunk of its picture.
+    let frame = [&[0; 6][..], &size, &[100, 0, 0, 0], &still[12..]].concat();
+    let mut content = [b"WEBP", &chunk(b"VP8X", &[&[2, 0, 0, 0], &size[..]].concat())[..]].concat();
+    content.extend(chunk(b"ANIM", &[0; 6]));
+    for _ in 0..frames {
+        content.extend(chunk(b"ANMF", &frame));
+    }
+    chunk(b"RIFF", &content)
+}
+
+#[test]
+fn an_animation_is_noted() {
+    let note = note(&webp_animation(2));
+    assert_eq!(note, "it is an animation, of which only one picture is used");
+    assert_eq!(light(&webp_animation(2)).width, 32);
 }
 
 #[test]

@@ -15,7 +15,7 @@ pub enum PictureSetError {
     },
     /// There is no picture.
     #[error(
-        "{}: no .png, .jpg, .jpeg, .tif or .tiff file in it; name a folder of pictures or of .tar shards, a shard, or a list with one path a line",
+        "{}: no PNG, JPEG, TIFF, WebP or BMP file in it; name a folder of pictures or of .tar shards, a shard, or a list with one path a line",
         path.display()
     )]
     Empty {

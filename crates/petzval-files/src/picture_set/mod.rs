@@ -15,8 +15,9 @@ pub(crate) use checked::checked_heads;
 pub use checked::{CheckedPictures, CheckedSize, check_stored};
 pub use copies::digests_of_alike;
 pub use error::PictureSetError;
-use stored::ENDINGS;
 pub use stored::{Stamp, StoredPicture, hex_digest};
+
+use crate::picture_file::PICTURE_ENDINGS;
 
 /// Ending of a shard.
 const SHARD: &str = "tar";
@@ -25,7 +26,7 @@ const SHARD: &str = "tar";
 ///
 /// | place | pictures | names |
 /// |---|---|---|
-/// | a folder | its `.png`, `.jpg`, `.jpeg`, `.tif` and `.tiff` files, without subfolders; broken links, too, which cannot be read | file names |
+/// | a folder | its pictures (PNG, JPEG, TIFF, WebP, BMP, by their endings), without subfolders; broken links, too, which cannot be read | file names |
 /// | a folder without pictures and with `.tar` files | those of all its shards | `SHARD.tar/NAME` |
 /// | a `.tar` file | its pictures, see [`StoredPicture`] | paths in it |
 /// | another file | one path a line, from the folder of the list; empty lines and those that begin with `#` do not count | the paths as written |
@@ -33,7 +34,7 @@ const SHARD: &str = "tar";
 /// Fails on a place without pictures, on a list that names a file which is not there or names one twice, and on a file that is no tar file.
 pub fn stored_pictures(place: &Path) -> Result<Vec<StoredPicture>, PictureSetError> {
     let found = if place.is_dir() {
-        let files = files_with(place, &ENDINGS)?;
+        let files = files_with(place, &PICTURE_ENDINGS)?;
         let shards = if files.is_empty() { files_with(place, &[SHARD])? } else { Vec::new() };
         let mut found: Vec<StoredPicture> = files.into_iter().map(StoredPicture::file).collect();
         for path in &shards {

@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 use tar::{Archive, EntryType};
 
-use super::stored::ENDINGS;
 use super::{PictureSetError, StoredPicture};
+use crate::picture_file::PICTURE_ENDINGS;
 
 /// The pictures of a shard in their order. The stem of a file is its path up to the first dot of its name. `0001.jpg` is a picture; `0001.json` and
 /// `0001.seg.png` belong to it and are none.
@@ -33,7 +33,7 @@ pub(super) fn pictures_of(path: &Path) -> Result<Vec<StoredPicture>, PictureSetE
         }
         let name = String::from_utf8_lossy(&entry.path_bytes()).into_owned();
         let Some((stem, ending)) = stem_and_ending(&name) else { continue };
-        if !ENDINGS.contains(&ending.to_lowercase().as_str()) {
+        if !PICTURE_ENDINGS.contains(&ending.to_lowercase().as_str()) {
             continue;
         }
         let (first, bytes) = (entry.raw_file_position(), entry.size());

@@ -13,9 +13,6 @@ use crate::picture_file::{
     picture_bytes,
 };
 
-/// Endings of pictures that a folder or a shard is searched for.
-pub(super) const ENDINGS: [&str; 5] = ["png", "jpg", "jpeg", "tif", "tiff"];
-
 /// Bytes at either end of a file that tell most pictures of one size apart.
 const END: u64 = 4096;
 

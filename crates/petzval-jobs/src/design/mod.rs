@@ -263,7 +263,7 @@ fn run_from(request: &Request, context: &Context) -> Result<Response> {
             }
             let (folder, lock) = begun.keep();
             write_file(&folder.environment(), json(&environment(context))?.as_bytes())?;
-            keep_inputs(setup, &own.assets, &folder, usual_steps)?;
+            keep_inputs(&scorer, &own.assets, &folder, usual_steps)?;
             (scorer, folder, lock)
         }
     };

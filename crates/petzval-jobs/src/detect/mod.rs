@@ -14,7 +14,7 @@ use petzval_design::task::objects::boxes::with_boxes;
 use petzval_files::coco::{
     self, ANNOTATIONS, Bounds, Category, DataSet, Image, load_coco, save_coco, save_results,
 };
-use petzval_files::{CheckedPictures, encoded_png_bytes, load_image};
+use petzval_files::{CheckedPictures, PICTURE_ENDINGS, encoded_png_bytes, load_image};
 use petzval_learn::dataset::{List, PictureFile, in_classes, own_categories, taken_as};
 use petzval_learn::detection::{Detection, detect_in};
 use schemars::JsonSchema;
@@ -87,8 +87,8 @@ pub struct Seen {
     pub found: Vec<Found>,
 }
 
-/// Endings of the files that are taken from a folder; the last is that of raw frames, which only the camera of a run develops.
-const PICTURES: [&str; 6] = ["png", "jpg", "jpeg", "tif", "tiff", "dng"];
+/// The ending of raw frames, which only the camera of a run develops.
+const RAW_ENDING: &str = "dng";
 
 /// A picture in which objects are detected.
 struct Looked {
@@ -432,9 +432,9 @@ fn listed(words: &[String]) -> String {
 
 /// The pictures that are named, and those of the folders that are named, sorted by name. Raw frames of folders are for the camera of a run.
 fn files(images: &[PathBuf], detector: &Source) -> Result<Vec<PathBuf>> {
-    let endings = match detector {
-        Source::Run { .. } => &PICTURES[..],
-        Source::Weights { .. } => &PICTURES[..PICTURES.len() - 1],
+    let is_taken = |ending: &str| {
+        let is_raw = matches!(detector, Source::Run { .. }) && ending == RAW_ENDING;
+        is_raw || PICTURE_ENDINGS.contains(&ending)
     };
     let mut files = Vec::new();
     for path in images {
@@ -447,7 +447,7 @@ fn files(images: &[PathBuf], detector: &Source) -> Result<Vec<PathBuf>> {
         for entry in entries {
             let file = entry.map_err(DesignError::io(path))?.path();
             let ending = file.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-            if endings.contains(&ending.as_str()) && file.is_file() {
+            if is_taken(&ending) && file.is_file() {
                 found.push(file);
             }
         }
@@ -456,7 +456,7 @@ fn files(images: &[PathBuf], detector: &Source) -> Result<Vec<PathBuf>> {
             let message = format!("{}: no picture in this folder", path.display());
             return Err(JobError::input(
                 message,
-                "PNG, JPEG and TIFF files in the folder itself are looked at, and DNG files with --run, not those in folders below it",
+                "PNG, JPEG, TIFF, WebP and BMP files in the folder itself are looked at, and DNG files with --run, not those in folders below it",
             ));
         }
         files.extend(found);

@@ -73,7 +73,7 @@ petzval_base::parameters! {
         gain: f32 = 1.0, "", 1e-6..1e3, Log, "a positive number; 1 is the gain of the sensor file";
     }
     also {
-        /// Photographs (PNG, JPEG, TIFF; OpenEXR and Radiance HDR in linear light), spectral images, or `scene:NAME`.
+        /// Photographs (PNG, JPEG, TIFF, WebP, BMP; OpenEXR and Radiance HDR in linear light), spectral images, or `scene:NAME`.
         images: Vec<PathBuf> = Vec::new();
         /// Lens: a built-in name, the path of a file, or the lens itself.
         lens: LensInput = crate::usual::lens().into();

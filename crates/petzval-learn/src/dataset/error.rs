@@ -10,7 +10,7 @@ use petzval_files::{ImageError, PictureSetError};
 #[derive(Debug, thiserror::Error)]
 pub enum DatasetError {
     /// A file is not a picture that this program can decode.
-    #[error("{0}; use an undamaged PNG, JPEG or TIFF, or take it out of the set")]
+    #[error("{0}; use an undamaged PNG, JPEG, TIFF, WebP or BMP, or take it out of the set")]
     Unreadable(#[from] ImageError),
     /// The folder or a file in it cannot be read.
     #[error("{}: cannot be read; check that it exists and may be read", path.display())]
@@ -59,7 +59,7 @@ pub enum DatasetError {
         hint: &'static str,
     },
     /// A folder holds no pictures.
-    #[error("{}: no .png, .jpg, .jpeg, .tif or .tiff file in this folder; name the folder that holds the pictures", path.display())]
+    #[error("{}: no PNG, JPEG, TIFF, WebP or BMP file in this folder; name the folder that holds the pictures", path.display())]
     EmptyFolder {
         /// The folder.
         path: PathBuf,

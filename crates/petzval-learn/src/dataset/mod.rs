@@ -39,5 +39,5 @@ pub use photo_set::{PhotoSet, PhotoSplit};
 pub use picture_file::PictureFile;
 pub use relight::{light_factors, relight};
 pub use shelf::{Shelf, TakesBytes};
-pub use street_plan::{StreetPlan, StreetView};
+pub use street_plan::{PlacedWindow, StreetPlan, StreetView};
 pub use street_thing::StreetThing;

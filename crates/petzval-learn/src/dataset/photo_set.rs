@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use petzval_camera::image::{CHANNELS, LinearImage};
+use petzval_files::PICTURE_ENDINGS;
 use serde::{Deserialize, Serialize};
 
 use super::photo::{Photo, Readers};
@@ -172,7 +173,7 @@ fn pick(photos: &[Photo], list: &'static str, names: &[String]) -> Result<Vec<Ph
         .collect()
 }
 
-/// Every `.png`, `.jpg`, `.jpeg`, `.tif` and `.tiff` file of a folder, without subfolders, sorted by name. Fails if there is none.
+/// Every picture of a folder by its [ending](PICTURE_ENDINGS), without subfolders, sorted by name. Fails if there is none.
 pub(super) fn picture_paths(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
     let cannot_read = |path: &Path| {
         let path = path.to_path_buf();
@@ -182,7 +183,7 @@ pub(super) fn picture_paths(folder: &Path) -> Result<Vec<PathBuf>, DatasetError>
     for entry in fs::read_dir(folder).map_err(cannot_read(folder))? {
         let path = entry.map_err(cannot_read(folder))?.path();
         let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
-        let picture = matches!(extension.as_deref(), Some("png" | "jpg" | "jpeg" | "tif" | "tiff"));
+        let picture = extension.is_some_and(|ending| PICTURE_ENDINGS.contains(&ending.as_str()));
         // A broken link is an error when it is read.
         if picture && (path.is_file() || path.is_symlink() && !path.is_dir()) {
             paths.push(path);

@@ -121,7 +121,21 @@ pub struct StreetPlan {
     pub least_visible: f64,
 }
 
+/// A window before a lens sees it: its street, its place there and its exposure. These are chosen in the view of a reference lens, so that cameras
+/// that are compared look at the same objects in the same light. To choose costs about half as much as to see, and is done once for all lenses.
+#[derive(Clone, Debug)]
+pub struct PlacedWindow {
+    list: List,
+    street: StreetSettings,
+    /// The geometric mean of the luminance of everything on the sensor, cd/m^2.
+    luminance_cd_m2: f64,
+    /// The objects of the street in the reference view.
+    near: Vec<NearObject>,
+    place: Place,
+}
+
 /// Where a window lies.
+#[derive(Clone, Copy, Debug)]
 enum Place {
     /// Its middle is so far (rows and columns, pixels) from that of the object with this number.
     OnObject { id: u64, off: [f64; 2] },
@@ -131,12 +145,7 @@ enum Place {
 
 impl StreetPlan {
     /// Window `number` of a list as a lens sees it: a street of its own, at a place of the sensor that lies on an object or anywhere. It depends
-    /// on the arguments alone. The exposure, the object, and where it lies in the window are chosen in the view of a `reference` lens, so that
-    /// cameras that are compared look at the same objects in the same light. `crops` is how windows are cut in that view; in another one they
-    /// have the size at which they show the same part of the street. A [magnified](StreetView::magnified) view keeps the size of its windows.
-    /// It is also in the reference view that objects are large enough to count, so that the same objects count with a lens of another focal
-    /// length. If such a lens no longer shows enough of the chosen object of a held-out
-    /// window for it to count, it is [beside](Truth::beside) the picture: a narrower field misses what it does not show.
+    /// on the arguments alone. [`Self::placed`] and [`Self::seen`] say what the two views are for.
     pub fn window(
         &self,
         list: List,
@@ -145,23 +154,53 @@ impl StreetPlan {
         [view, reference]: [&StreetView; 2],
         crops: &CropPlan,
     ) -> Result<LabelledWindow, StreetError> {
+        self.seen(&self.placed(list, families, number, reference, crops)?, [view, reference], crops)
+    }
+
+    /// Chooses window `number` of a list: the exposure, the object, and where it lies in the window, in the view of a `reference` lens. `crops` is
+    /// how windows are cut in that view.
+    pub fn placed(
+        &self,
+        list: List,
+        families: Families,
+        number: u64,
+        reference: &StreetView,
+        crops: &CropPlan,
+    ) -> Result<PlacedWindow, StreetError> {
         let mut random = ChaCha8Rng::seed_from_u64(self.seed ^ 0x5743_1e7a_90b2_6d15);
         random.set_stream(match list {
             List::Training => 3 * number,
             List::Validation => 3 * number + 1,
             List::HeldOut => 3 * number + 2,
         });
-        let street = Street::new(&StreetSettings {
+        let settings = StreetSettings {
             sequence: random.next_u64(),
             moment: random.random_range(0..MOMENTS),
             light: self.light,
             busy: self.busy,
             families,
             lamp_colours: LampColours::default(),
-        });
+        };
+        let street = Street::new(&settings);
         let found = reference.look_through_finder(&street)?;
         let near = street.objects_near(&reference.sensor, &street.pose())?;
         let place = self.place(&near, &found, crops, &mut random);
+        Ok(PlacedWindow { list, street: settings, luminance_cd_m2: found.luminance_cd_m2, near, place })
+    }
+
+    /// A chosen window as a lens sees it. Reference view and `crops` are those in which it was chosen; in another view windows
+    /// have the size at which they show the same part of the street. A [magnified](StreetView::magnified) view keeps the size of its windows.
+    /// It is also in the reference view that objects are large enough to count, so that the same objects count with a lens of another focal
+    /// length. If such a lens no longer shows enough of the chosen object of a held-out
+    /// window for it to count, it is [beside](Truth::beside) the picture: a narrower field misses what it does not show.
+    pub fn seen(
+        &self,
+        placed: &PlacedWindow,
+        [view, reference]: [&StreetView; 2],
+        crops: &CropPlan,
+    ) -> Result<LabelledWindow, StreetError> {
+        let street = Street::new(&placed.street);
+        let PlacedWindow { list, ref near, place, .. } = *placed;
         let (reference_crops, crops) = (crops, &crops.scaled(view.scale));
         // In the reference view a window that extends beyond the sensor is moved inside. A longer lens moves it at least as far. A shorter one, which
         // shows what lies beyond, has to move it too, to show the same.
@@ -202,10 +241,10 @@ impl StreetPlan {
             street.see(&view.sensor, &street.pose(), window, self.samples)
         };
         let seen = see(view, crops, at)?;
-        let [longest, automatic] = [self.white_cd_m2 / view.light, found.luminance_cd_m2 / MIDDLE_GRAY];
+        let [longest, automatic] = [self.white_cd_m2 / view.light, placed.luminance_cd_m2 / MIDDLE_GRAY];
         let white = longest.max(automatic) as f32;
         let light = seen.planes.iter().map(|v| v / white);
-        let mut truth = self.truth(&seen.objects, &near, at, crops.crop);
+        let mut truth = self.truth(&seen.objects, near, at, crops.crop);
         if let (List::HeldOut, Place::OnObject { id, off }, Some(whole)) = (list, place, chosen) {
             let is_enough = |whole: [f64; 4], crops: &CropPlan, at| {
                 inside(&sensor_box(whole), at, crops.crop).is_some_and(|(_, share)| share >= LEAST_INSIDE)

@@ -108,6 +108,11 @@ impl ScoreDescription {
         Self { name, title, unit: String::new(), definition, decimals: 4, higher_is_better: true }
     }
 
+    /// The description of a score of which nothing but its name is known.
+    pub fn of_name(name: &str) -> Self {
+        Self::of_share(name.to_owned(), name.replace('_', " "), String::new())
+    }
+
     /// The description of a score.
     pub fn of(score: &dyn Score) -> Self {
         Self {

@@ -17,7 +17,7 @@ from ._watch import watch
 __all__ = ["Picture", "read_picture"]
 
 Picture = str | os.PathLike[str] | ArrayLike
-"""A picture: a path (PNG, JPEG, TIFF; OpenEXR and Radiance HDR in linear light), or an array ``[y, x, 3]`` of red, green and blue.
+"""A picture: a path (PNG, JPEG, TIFF, WebP, BMP; OpenEXR and Radiance HDR in linear light), or an array ``[y, x, 3]`` of red, green and blue.
 
 Bytes (``uint8``) are sRGB-encoded, 255 is white. Floats are linear light, 1 is white, and may exceed 1.
 """

@@ -97,7 +97,7 @@ impl ShortRun {
 pub struct Progress {
     /// Every camera of the run, in the order in which they are made.
     pub cameras: Vec<CameraProgress>,
-    /// Time that the steps that are left will take at the pace of the latest ones, in words; none before the first step.
+    /// How long the rest takes at the pace of the latest steps, in words; none before the first step.
     pub time_left: Option<String>,
 }
 

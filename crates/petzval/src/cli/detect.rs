@@ -16,7 +16,7 @@ use super::terminal::{Terminal, print_json};
 
 /// Find objects in pictures: by the detector of a finished camera, or by weights of torchvision.
 ///
-/// Pictures are PNG, JPEG or TIFF files, or folders of them; a raw frame (a DNG file, also in a folder, or a file with a sidecar) is developed by
+/// Pictures are PNG, JPEG, TIFF, WebP or BMP files, or folders of them; a raw frame (a DNG file, also in a folder, or a file with a sidecar) is developed by
 /// the camera of --run first. The detector of a camera looks at them in their own size, weights of torchvision
 /// in the size for which torchvision trains. Prints one line per detection: file, class, score, left edge, upper edge, width, height, in pixels
 /// of the file.

@@ -133,7 +133,7 @@ pub(super) fn time(seconds: f64) -> String {
 
 fn scores(row: &RunRow) -> String {
     let values: Vec<String> =
-        row.scores.iter().map(|score| format!("{} {:.4}", score.name, score.value)).collect();
+        row.scores.iter().map(|score| format!("{} {:.*}", score.name, score.decimals, score.value)).collect();
     match &row.camera {
         Some(camera) => format!("{camera}: {}", values.join(", ")),
         None => "-".to_owned(),

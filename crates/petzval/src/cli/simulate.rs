@@ -66,7 +66,7 @@ struct SpectralArgs {
 /// at 1.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Photographs (PNG, JPEG, TIFF; OpenEXR and Radiance HDR in linear light), spectral images, or scene:NAME
+    /// Photographs (PNG, JPEG, TIFF, WebP, BMP; OpenEXR and Radiance HDR in linear light), spectral images, or scene:NAME
     #[arg(required = true, value_name = "IMAGE")]
     images: Vec<PathBuf>,
     /// Lens file, or a built-in name

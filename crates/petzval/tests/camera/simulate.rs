@@ -78,7 +78,7 @@ fn what_cannot_be_read_is_named_and_nothing_is_written() {
             &["notes.png"][..],
             [
                 "notes.png: cannot decode the picture",
-                "help: give a PNG, JPEG, TIFF, OpenEXR or Radiance HDR file",
+                "help: give a PNG, JPEG, TIFF, WebP, BMP, OpenEXR or Radiance HDR file",
             ],
         ),
         (&[&good, "cut.png"], ["cut.png: cannot decode", "it is cut off"]),

@@ -154,11 +154,19 @@ fn the_studio_shows_a_run_at_rest_and_its_report_once_it_is_finished() {
     assert!(steps.len() >= 7 && steps[0]["step"] == 1);
     assert_eq!(view["variants"][1]["first_step"], NETWORK_STEPS + 2);
     assert_eq!(view["variants"].as_array().unwrap().len(), 3);
+    // No camera is scored yet: scores come on top.
+    let left = &view["time_left"];
+    assert!(left["seconds"].as_f64().unwrap() > 0.0 && left["is_least"] == true, "{left}");
+    assert_eq!((&view["scores"][0]["name"], &view["scores"][0]["unit"]), (&json!("psnr_db"), &json!("dB")));
+    let stages = view["variants"].as_array().unwrap().iter().flat_map(|v| v["stages"].as_array().unwrap());
+    for stage in stages {
+        assert_eq!(stage["goal"] == "task", stage["iterations"] == 0, "{stage}");
+    }
     let later = studio.response("run-view", json!({"run": "run", "after": 5}));
     assert_eq!(later["steps"][0]["step"], 6);
     let page = studio.response("report-so-far", json!({"run": "run"}));
     let html = page["html"].as_str().unwrap();
-    for text in ["<h2>At work</h2>", "not begun", "Over the run"] {
+    for text in ["<h2>At work</h2>", "not begun", "Over the run", "The rest takes at least "] {
         assert!(html.contains(text), "{text}");
     }
     // Nothing is written for it.
@@ -175,6 +183,7 @@ fn the_studio_shows_a_run_at_rest_and_its_report_once_it_is_finished() {
     run_ok(folder.path(), &["design", "--resume", "run"]);
     let view = studio.response("run-view", json!({"run": "run"}));
     assert_eq!(view["row"]["state"], "finished");
+    assert_eq!((&view["time_left"], &view["row"]["scores"][0]["unit"]), (&Value::Null, &json!("dB")));
     assert_eq!(view["cameras"].as_array().unwrap().len(), 3);
     assert!(
         !view["lenses"].as_array().unwrap().is_empty() && !view["pictures"].as_array().unwrap().is_empty()

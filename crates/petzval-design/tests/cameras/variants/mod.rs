@@ -97,12 +97,13 @@ fn run(experiment: Experiment, folder: &Path) -> Metrics {
     let assets = library();
     let setup = Setup::new(experiment, &assets, Device::flex().autodiff()).unwrap();
     let folder = RunFolder::create(folder).unwrap();
-    keep_inputs(&setup, &assets, &folder, None).unwrap();
     let setup = Arc::new(setup);
     let mut scores = standard_scores(&setup.lpips().unwrap());
     scores.push(Box::new(MeanAbsoluteError));
     let judge = PictureJudge::new(&setup.experiment, scores).unwrap();
-    let design = DesignLoop::new(folder, Scorer::with_judge(setup, judge)).unwrap();
+    let scorer = Scorer::with_judge(setup, judge);
+    keep_inputs(&scorer, &assets, &folder, None).unwrap();
+    let design = DesignLoop::new(folder, scorer).unwrap();
     match design.run(&mut Silent).unwrap() {
         Ending::Finished(metrics) => *metrics,
         Ending::Stopped(step) => panic!("stopped at {step}"),

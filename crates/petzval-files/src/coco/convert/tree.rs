@@ -14,6 +14,7 @@ use crate::coco::defect::{DefectKind, Defects};
 use crate::coco::error::CocoError;
 use crate::coco::spelling::{composed, composed_path};
 use crate::encoding::{decode_strictly, decode_xml};
+use crate::picture_file::PICTURE_ENDINGS;
 
 /// Levels of folders that are searched.
 const DEEPEST: usize = 8;
@@ -26,9 +27,6 @@ const LARGEST_LABELS: u64 = 16 << 20;
 
 /// What to do about a larger one.
 const LABELS_HINT: &str = "a file of labels is of one picture";
-
-/// Endings of picture files.
-const PICTURES: [&str; 7] = ["jpg", "jpeg", "png", "tif", "tiff", "bmp", "webp"];
 
 /// The files below a folder, in the order of their paths. Hidden files are left out.
 pub(super) fn files_below(root: &Path, cancel: &Cancel) -> Result<Vec<PathBuf>, CocoError> {
@@ -66,7 +64,7 @@ pub(super) fn ends_with(path: &Path, ending: &str) -> bool {
 
 /// Whether the name is that of a picture.
 pub(super) fn is_picture(path: &Path) -> bool {
-    PICTURES.iter().any(|ending| ends_with(path, ending))
+    PICTURE_ENDINGS.iter().any(|ending| ends_with(path, ending))
 }
 
 /// The picture files among some.

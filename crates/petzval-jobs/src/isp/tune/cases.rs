@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use petzval_camera::image::LinearImage;
 use petzval_design::error::DesignError;
-use petzval_files::load_image;
 use petzval_files::raw_file::{Sidecar, holds_digital_numbers, sidecar_path};
+use petzval_files::{PICTURE_ENDINGS, load_image};
 use sha2::{Digest, Sha256};
 
 use super::plan::Plan;
@@ -22,7 +22,8 @@ pub(super) struct Case {
 }
 
 const RAW_ENDINGS: [&str; 7] = ["tif", "tiff", "png", "npy", "raw", "bin", "dng"];
-const PICTURE_ENDINGS: [&str; 7] = ["png", "jpg", "jpeg", "tif", "tiff", "exr", "hdr"];
+/// Endings of references in linear light, beside the [usual pictures](PICTURE_ENDINGS).
+const LINEAR_ENDINGS: [&str; 2] = ["exr", "hdr"];
 
 /// Ends of the names of raw files and of references that are no part of the name that both share: those of `simulate` and the like.
 const RAW_SUFFIX: &str = "-raw";
@@ -52,7 +53,7 @@ impl Case {
 /// The frames of a plan, by name, each with its reference.
 pub(super) fn cases(plan: &Plan) -> Result<Vec<Case>> {
     let mut raws = files(&plan.raws, "raws", &RAW_ENDINGS)?;
-    let references = files(&plan.reference, "reference", &PICTURE_ENDINGS)?;
+    let references = files(&plan.reference, "reference", &[&PICTURE_ENDINGS[..], &LINEAR_ENDINGS].concat())?;
     let name = |path: &Path| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     // `simulate` puts its pictures beside its raw frames.
     raws.retain(|raw| !PICTURE_SUFFIXES.iter().any(|suffix| name(raw).ends_with(suffix)));

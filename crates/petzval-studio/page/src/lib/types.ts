@@ -289,7 +289,7 @@ export interface RunRow {
   step: number;
   total: number;
   camera?: string;
-  scores: { name: string; value: number; title?: string; unit?: string; decimals?: number }[];
+  scores: { name: string; title: string; unit: string; decimals: number; value: number }[];
   seconds: number;
   begun: string;
   differs: Record<string, string>;
@@ -338,8 +338,9 @@ export interface CameraMetrics {
 
 export interface RunView {
   row: RunRow;
+  time_left: { seconds: number; is_least: boolean } | null;
   holder: { host: string; pid: number } | null;
-  variants: { name: string; first_step: number; stages: { goal: string; steps: Record<string, number> }[]; is_finished: boolean }[];
+  variants: { name: string; first_step: number; stages: { goal: string; steps: Record<string, number>; iterations: number }[]; is_finished: boolean }[];
   steps: RunStep[];
   every: number;
   lenses: { step: number; camera: string; lens: string }[];

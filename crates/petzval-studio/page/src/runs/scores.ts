@@ -1,13 +1,6 @@
-// Scores for a reader: their headings and digits.
+// Scores for a reader: their headings.
 
-import type { RunRow, ScoreDescription } from "../lib/types";
-
-/** The description of a score of a row. One that names itself alone is called by its name in words. */
-export function described({ name, title = name.replaceAll("_", " "), unit = "", decimals = 4 }: RunRow["scores"][number]): Heading {
-  return { name, title, unit, decimals };
-}
-
-type Heading = Pick<ScoreDescription, "name" | "title" | "unit" | "decimals">;
+import type { ScoreDescription } from "../lib/types";
 
 /** The heading of a column of scores. */
-export const heading = ({ title, unit }: Heading) => (unit ? `${title}, ${unit}` : title);
+export const heading = ({ title, unit }: Pick<ScoreDescription, "title" | "unit">) => (unit ? `${title}, ${unit}` : title);

@@ -13,7 +13,7 @@ use crate::cli::terminal::{Terminal, print_response};
 /// Measure the MTF at slanted edges of a raw frame or a picture, after ISO 12233.
 ///
 /// Of a raw frame every colour is measured by itself, in digital numbers above the black level. Gray TIFF and PNG are raw frames, unless
-/// --picture says otherwise. PNG, JPEG and integer TIFF in colour are pictures: their sRGB curve is undone first; floats (TIFF, OpenEXR,
+/// --picture says otherwise. PNG, JPEG, WebP, BMP and integer TIFF in colour are pictures: their sRGB curve is undone first; floats (TIFF, OpenEXR,
 /// Radiance HDR) are linear as they are. Frequencies are cycles per pixel of the frame, whatever the mosaic.
 ///
 /// Files in --out: mtf.csv, the curves; mtf.json, all figures; mtf.svg, a plot.
