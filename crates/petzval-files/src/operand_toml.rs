@@ -140,17 +140,21 @@ impl Operand {
         if bounds.iter().flatten().any(|v| !v.is_finite()) {
             return Err(("at_least", "must be a number", "a bound is finite"));
         }
-        let has_wanted = match self.of {
-            Figure::Mtf => self.at_least.is_some() && self.at_most.is_none(),
+        let [takes_least, takes_most] = match self.of {
+            Figure::Mtf => [true, false],
             Figure::Spot | Figure::Wavefront | Figure::Track | Figure::Distortion | Figure::ChiefRayAngle => {
-                self.at_most.is_some() && self.at_least.is_none()
+                [false, true]
             }
-            Figure::FocalLength | Figure::BackFocalLength | Figure::ImageHeight => {
-                bounds.iter().any(Option::is_some)
-            }
+            Figure::FocalLength | Figure::BackFocalLength | Figure::ImageHeight => [true, true],
         };
-        if !has_wanted {
-            let hint = "at_least for mtf; at_most for spot, wavefront, track, distortion and chief-ray-angle; one or both for the others";
+        let hint = "at_least for mtf; at_most for spot, wavefront, track, distortion and chief-ray-angle; one or both for the others";
+        if self.at_least.is_some() && !takes_least {
+            return Err(("at_least", "the figure has no such bound", hint));
+        }
+        if self.at_most.is_some() && !takes_most {
+            return Err(("at_most", "the figure has no such bound", hint));
+        }
+        if bounds.iter().all(Option::is_none) {
             return Err(("of", "the figure has not the bound that it needs", hint));
         }
         if let (Some(least), Some(most)) = (self.at_least, self.at_most)

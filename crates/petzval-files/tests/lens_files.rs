@@ -9,14 +9,19 @@ use std::sync::Arc;
 
 use common::special_lenses;
 use petzval_base::FileError;
-use petzval_files::{Expect, Expected, ExpectedSpots, LensFile, parse_lens, parse_lens_start, write_lens};
+use petzval_files::{
+    Expect, Expected, ExpectedSpots, LensFile, parse_lens, parse_lens_start, parse_seq, parse_zmx,
+    write_lens, write_seq, write_zmx,
+};
 use petzval_optics::design_space::{EflSolve, MagnificationSolve, Pickup, Variable};
 use petzval_optics::glass::{Catalog, Dispersion, Glass};
 use petzval_optics::lens::{
-    Axis, LensDefect, ObjectDistance, Placement, Surface, SurfaceShape, validate, xy_index,
+    Axis, Lens, LensDefect, ObjectDistance, Placement, Surface, SurfaceShape, validate, xy_index,
 };
 use petzval_optics::number::Number;
 use petzval_optics::paraxial::first_order;
+use petzval_optics::pupil::paraxial_launch;
+use petzval_optics::trace::{launch, trace_ray};
 
 fn data(folder: &str) -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data").join(folder);
@@ -676,9 +681,60 @@ fn semi_diameters_that_a_file_leaves_out_follow_from_the_fields() {
     assert_eq!(semi(2), 9.0);
     let wider = parse_lens(&PLATE.replace("20.0]", "30.0]"), &catalog()).unwrap().lens;
     assert!(wider.surfaces[1].semi_diameter_mm > 5.0 + 20.0 * 30.0_f64.to_radians().tan());
-    // Once written, they are stated.
+    // Once written, they are as large, and still cut nothing. The stop cuts in any case.
     let written = parse_lens_start(&write_lens(&import.file), &Catalog::default()).unwrap();
-    assert!(written.open.is_empty() && written.file.lens == import.file.lens);
+    assert_eq!(written.open, [1]);
+    assert!(written.file.lens == import.file.lens);
+}
+
+/// Light of fields that the file does not name passes surfaces without an edge; a stated edge of the same size cuts it.
+#[test]
+fn surfaces_without_an_edge_cut_no_light() {
+    let import = parse_lens_start(PLATE, &catalog()).unwrap();
+    let open = &import.file.lens;
+    assert_eq!(open.surfaces.iter().map(|s| s.is_open).collect::<Vec<_>>(), [false, true, false]);
+    let mut stated = open.clone();
+    stated.surfaces[1].is_open = false;
+    // The last surface has an edge of its own, which the oblique beams do not pass.
+    let passes = |lens: &Lens, field_deg: f64| {
+        let mut lens = lens.clone();
+        lens.surfaces[2].is_open = true;
+        let sequence = lens.at_wavelength(lens.reference_um);
+        let at = paraxial_launch(&first_order(&sequence), &sequence, field_deg.to_radians(), [0.0, 0.99]);
+        trace_ray(&sequence, launch(&sequence, field_deg.to_radians(), at).ray).transmission
+    };
+    assert_eq!([passes(open, 20.0), passes(&stated, 20.0)], [1.0; 2]);
+    assert_eq!([passes(open, 24.0), passes(&stated, 24.0)], [1.0, 0.0]);
+    let catalog = catalog();
+    for read in [
+        parse_zmx(&write_zmx(&import.file, &catalog).unwrap().text, &catalog).unwrap(),
+        parse_seq(&write_seq(&import.file, &catalog).unwrap().text, &catalog).unwrap(),
+    ] {
+        assert_eq!(
+            read.file.lens.surfaces.iter().map(|s| s.is_open).collect::<Vec<_>>(),
+            [false, true, false]
+        );
+    }
+}
+
+/// A solve that the lens of the file does not fulfil is named with its line and both values.
+#[test]
+fn solves_that_contradict_the_file_are_named() {
+    let text = nominal();
+    let with = |from: &str, to: &str| {
+        assert!(text.contains(from), "{from}");
+        let changed = text.replace(from, to);
+        let line = 1 + changed[..changed.find(to).unwrap()].matches('\n').count();
+        (parse_lens_start(&changed, &catalog()).unwrap().losses, line)
+    };
+    let solve = "efl_mm = 25.04003827951391";
+    assert!(with(solve, "efl_mm = 25.0401").0.is_empty());
+    let (losses, line) = with(solve, "efl_mm = 26.0");
+    let wanted = "the focal length is 25.04004 mm in the file, and its solve makes it 26 mm: optimisations and designs begin with";
+    assert!(
+        losses.len() == 1 && losses[0].to_string().starts_with(&format!("line {line}: `[solve]`: {wanted}")),
+        "{losses:?}"
+    );
 }
 
 #[test]

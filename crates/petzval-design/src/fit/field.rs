@@ -21,9 +21,6 @@ const DARK: f64 = 0.02;
 /// Shares of its outermost field at which a lens whose rays do not arrive there is tried.
 const SHARES: usize = 40;
 
-/// How much wider surfaces without an edge of their own are taken where only the chief ray counts.
-const WIDE: f64 = 100.0;
-
 /// The image of a lens as its file states it.
 pub(super) struct Reach {
     /// The lens, about in focus.
@@ -73,10 +70,13 @@ impl Reach {
         let scale = format!("focal length {:.2} mm, f/{:.2}", order.efl_mm, order.f_number.abs());
         match self.circle_mm {
             0.0 => format!("lens: {scale}; the file names no field off the axis"),
-            circle => format!(
-                "lens: {scale}; fields to {:.1} degrees, an image circle of {circle:.2} mm radius",
-                self.field_deg
-            ),
+            circle => {
+                let digits = if self.field_deg < 1.0 { 3 } else { 1 };
+                format!(
+                    "lens: {scale}; fields to {:.digits$} degrees, an image circle of {circle:.2} mm radius",
+                    self.field_deg
+                )
+            }
         }
     }
 
@@ -102,10 +102,7 @@ pub(super) struct Corner {
 /// The lens of a file with the field of a sensor's corner. If the corner lies beyond the file's fields, surfaces `open` grow for its beams. `None` if no
 /// light gets there.
 pub(super) fn at_corner(reach: &Reach, lens: &Lens, open: &[usize], corner_mm: f64) -> Option<Corner> {
-    // A surface that grows with the field does not end the search for it.
-    let mut bare = reach.lens.clone();
-    open.iter().for_each(|i| bare.surfaces[*i].semi_diameter_mm *= WIDE);
-    let field_rad = field_angle(&bare, corner_mm).ok()?;
+    let field_rad = field_angle(&reach.lens, corner_mm).ok()?;
     let field_deg = field_rad.to_degrees().abs();
     let (mut notes, mut warnings) = (Vec::new(), Vec::new());
     let mut found = lens.clone();

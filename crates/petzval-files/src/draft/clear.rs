@@ -25,8 +25,8 @@ const NARROWER: f64 = 0.99;
 /// Least share of the beams that a surface takes.
 const NARROWEST: f64 = 0.15;
 
-/// Gives the surfaces `open` (from 0), which have no edge of their own, clear semi-diameters that just hold the beams of the fields of the
-/// lens. Returns the lens, what is approximated in it, and the defect if it cannot be built. Fails where a surface ends within its edge.
+/// Gives the surfaces `open` (from 0), which have no edge of their own, clear semi-diameters that hold the beams of the fields of the
+/// lens; light beyond them passes. Returns the lens, what is approximated in it, and the defect if it cannot be built. Fails where a surface ends within its edge.
 pub fn with_open_surfaces(
     lens: &Lens,
     open: &[usize],
@@ -72,7 +72,11 @@ pub(super) fn with_semi_diameters(
             return Ok((lens, None));
         }
     }
-    if let Some((lens, shares)) = narrowed(&lens, clears, &heights) {
+    if let Some((mut lens, shares)) = narrowed(&lens, clears, &heights) {
+        // There is no glass beyond.
+        for (surface, share) in lens.surfaces.iter_mut().zip(&shares) {
+            surface.is_open &= *share == 1.0;
+        }
         let cut = shares.iter().enumerate().filter(|(_, share)| **share < 1.0);
         let cut: Vec<String> =
             cut.map(|(i, share)| format!("{:.0} % of them at surface {}", 100.0 * share, i + 1)).collect();
@@ -131,6 +135,7 @@ fn filled(lens: &Lens, clears: &[Clear], open: impl Fn(usize, f64) -> f64) -> Le
     let mut lens = lens.clone();
     let stop_radius = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm.abs();
     for (i, clear) in clears.iter().copied().enumerate() {
+        lens.surfaces[i].is_open = matches!(clear, Clear::Open(_)) && i != lens.stop;
         lens.surfaces[i].semi_diameter_mm = match clear {
             Clear::Edge(mm) | Clear::Beam(mm) => mm,
             Clear::Open(_) if i == lens.stop && stop_radius > 0.0 && stop_radius.is_finite() => stop_radius,

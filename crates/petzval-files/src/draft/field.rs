@@ -89,8 +89,8 @@ impl Fields {
     }
 }
 
-/// Field angles of the lens, degrees, ascending, each once. Second: their weights; empty if all are the same. Of fields that are mirror images
-/// the larger weight counts.
+/// Field angles of the lens, degrees, ascending, each once. Second: their weights; empty if all are the same. The weights of fields that are
+/// mirror images add up, as both are in the merit of the file's program.
 ///
 /// In a rotationally symmetric lens every field is turned into the y-z plane. Other lenses allow only fields in that plane:
 /// another field is an error.
@@ -152,17 +152,21 @@ pub(super) fn angles_deg(
         record.lose(losses, Effect::NoRay, message);
     }
     if mirrored {
-        let message =
-            "negative fields are the mirror images of positive ones: the lens is rotationally symmetric";
+        let message = "negative fields are the mirror images of positive ones, and weights of such pairs add up: the lens is rotationally symmetric";
         record.lose(losses, Effect::NoRay, message);
     }
     let weights = fields.weights(losses);
     let weight = |i: usize| weights.get(i).copied().unwrap_or(1.0);
     let mut weighted: Vec<(f64, f64)> =
         angles.into_iter().enumerate().map(|(i, angle)| (angle, weight(i))).collect();
-    // The largest weight of an angle comes first, and stays.
-    weighted.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.total_cmp(&a.1)));
-    weighted.dedup_by(|a, b| a.0 == b.0);
+    weighted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    weighted.dedup_by(|next, kept| {
+        let is_same = next.0 == kept.0;
+        if is_same {
+            kept.1 = (kept.1 + next.1).min(MOST_FIELD_WEIGHT);
+        }
+        is_same
+    });
     let (angles, weights): (Vec<f64>, Vec<f64>) = weighted.into_iter().unzip();
     Ok((angles, uneven_weights(weights)))
 }

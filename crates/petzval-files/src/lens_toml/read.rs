@@ -20,13 +20,16 @@ use petzval_optics::glass::Catalog;
 use petzval_optics::lens::{Lens, LensDefect, ObjectDistance, Surface, traceable, validate};
 use petzval_optics::number::Number;
 use petzval_optics::paraxial::first_order;
-use petzval_optics::solve::with_length;
+use petzval_optics::solve::{magnification, with_length};
 
 /// Default reference wavelength, the helium d line, um.
 const DEFAULT_REFERENCE_UM: f64 = 0.5876;
 
 /// Two numbers are the same up to this share: files have rounded ones.
 const SAME_NUMBER: f64 = 1e-6;
+
+/// A lens has what its solve makes of it up to this share: solves are often written with four digits.
+const SOLVED: f64 = 1e-4;
 
 /// Adds what to write to an error of which the reader of TOML knows only that a key is missing, or its value of another type.
 fn with_hint(error: FileError) -> FileError {
@@ -81,7 +84,10 @@ pub fn parse_lens_start(text: &str, catalog: &Catalog) -> Result<Import, FileErr
     let field_weights = reader.field_weights(&file.fields, lens.fields_deg.len())?;
     traceable(&lens).map_err(|defect| reader.defect(&defect, &file))?;
     reader.check_entrance_pupil(&lens, &file)?;
-    let is_open = |i: &usize| file.surface[*i].get_ref().semi_diameter_mm.is_none();
+    let is_open = |i: &usize| {
+        let surface = file.surface[*i].get_ref();
+        surface.semi_diameter_mm.is_none() || surface.open.as_ref().is_some_and(|open| *open.get_ref())
+    };
     let open: Vec<usize> = (0..file.surface.len()).filter(is_open).collect();
     let (lens, mut losses, flaw) =
         with_open_surfaces(&lens, &open).map_err(|defect| reader.defect(&defect, &file))?;
@@ -99,6 +105,7 @@ pub fn parse_lens_start(text: &str, catalog: &Catalog) -> Result<Import, FileErr
         lens,
     };
     losses.extend(reader.contradicting_pickups(&file, &lens_file));
+    losses.extend(reader.contradicting_solves(&file, &lens_file.lens));
     Ok(Import { file: lens_file, open, losses, unbuildable })
 }
 
@@ -449,16 +456,45 @@ impl Reader<'_> {
                  else has the number of the file",
                 surface + 1
             );
-            let line = self.error("", text.surface.span(), "").line;
-            Some(Loss {
-                line,
-                record: "[[pickup]]".to_owned(),
-                effect: Effect::Approximated,
-                message,
-                more: 0,
-            })
+            Some(self.contradiction("[[pickup]]", text.surface.span(), message))
         };
         file.pickup.iter().zip(&read.pickups).filter_map(contradicting).collect()
+    }
+
+    /// Solves that the lens of the file does not fulfil: their lens is another one.
+    fn contradicting_solves(&self, file: &LensText, lens: &Lens) -> Vec<Loss> {
+        let Some(solve) = &file.solve else { return Vec::new() };
+        let contradicting = |what: &str, unit: &str, own: f64, solved: &Placed| {
+            let wanted = solved.get_ref().0;
+            // A lens without the figure at all has nothing that a solve could contradict.
+            if !own.is_finite() || (own - wanted).abs() <= SOLVED * own.abs().max(wanted.abs()) {
+                return None;
+            }
+            let message = format!(
+                "the {what} is {own:.5}{unit} in the file, and its solve makes it {wanted}{unit}: optimisations and designs begin with the solve's, everything \
+                 else has the lens of the file"
+            );
+            Some(self.contradiction("[solve]", solved.span(), message))
+        };
+        let efl = solve.efl.as_ref().and_then(|text| {
+            let own_mm = first_order(&lens.at_wavelength(lens.reference_um)).efl_mm;
+            contradicting("focal length", " mm", own_mm, &text.efl_mm)
+        });
+        let magnification = solve
+            .magnification
+            .as_ref()
+            .and_then(|text| contradicting("magnification", "", magnification(lens)?, &text.magnification));
+        let length = solve.length.as_ref().and_then(|text| {
+            let own_mm = lens.total_track_mm() - lens.image_distance_mm();
+            contradicting("length from the first vertex to the last", " mm", own_mm, &text.length_mm)
+        });
+        [efl, magnification, length].into_iter().flatten().collect()
+    }
+
+    /// The loss of a pickup or a solve that contradicts the lens of its file.
+    fn contradiction(&self, record: &str, span: Range<usize>, message: String) -> Loss {
+        let line = self.error("", span, "").line;
+        Loss { line, record: record.to_owned(), effect: Effect::Approximated, message, more: 0 }
     }
 
     fn length_solve(

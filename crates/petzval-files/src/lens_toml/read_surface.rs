@@ -61,6 +61,7 @@ impl Reader<'_> {
                 Some(semi) => self.positive("semi_diameter_mm", semi)?,
                 None => UNSTATED_MM,
             },
+            is_open: false,
             action,
             phase: self.phase(number, surface)?,
             placement: surface.placement.as_ref().map(|p| self.placement(p)).transpose()?,

@@ -116,8 +116,10 @@ pub(super) struct SurfaceText {
     pub thickness_mm: Placed,
     /// The medium behind the surface; air if it is left out.
     pub glass: Option<Spanned<String>>,
-    /// Clear semi-diameter, beyond which light is lost. Left out, the surface is made large enough for the beams of all fields. Unit: mm.
+    /// Clear semi-diameter, beyond which light is lost. Left out, the surface is made large enough for the beams of all fields, and cuts none. Unit: mm.
     pub semi_diameter_mm: Option<Placed>,
+    /// `true` where light beyond the clear semi-diameter passes: it is a size for drawings and edges alone. It grows for the beams of all fields.
+    pub open: Option<Spanned<bool>>,
     /// `true` on exactly one surface, the aperture stop.
     pub stop: Option<Spanned<bool>>,
     /// `true` for a mirror. Distances behind an odd number of mirrors are negative.

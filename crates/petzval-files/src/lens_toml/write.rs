@@ -169,7 +169,8 @@ fn write_surface(
     {
         writeln!(out, "glass = {}", quoted(name))?;
     }
-    writeln!(out, "semi_diameter_mm = {}", number(surface.semi_diameter_mm))
+    writeln!(out, "semi_diameter_mm = {}", number(surface.semi_diameter_mm))?;
+    if surface.is_open { writeln!(out, "open = true") } else { Ok(()) }
 }
 
 /// Everything of a surface except its conic, its even polynomial, its glass and its thickness, as lines of a lens file. Empty

@@ -42,7 +42,9 @@ pub(super) fn write_surface(
         out.line(format_args!("  SLB {label}"));
     }
     write_shape(out, index, s)?;
-    out.line(format_args!("  CIR {}", number(s.semi_diameter_mm)));
+    if !s.is_open {
+        out.line(format_args!("  CIR {}", number(s.semi_diameter_mm)));
+    }
     if let Some(placed) = &s.placement {
         write_place(out, index, placed, compound.is_some());
     }

@@ -117,7 +117,12 @@ impl Out<'_> {
             self.glass(index + 1, &s.glass)?;
         }
         let semi = number(s.semi_diameter_mm);
-        self.line(format_args!("  DIAM {semi} 1 0 0 1 \"\"\n  FLAP 0 {semi} 0"));
+        // A semi-diameter that the program fits to its rays cuts nothing.
+        if s.is_open {
+            self.line(format_args!("  DIAM {semi} 0 0 0 1 \"\""));
+        } else {
+            self.line(format_args!("  DIAM {semi} 1 0 0 1 \"\"\n  FLAP 0 {semi} 0"));
+        }
         if let Some((decenter, tilt)) = behind {
             self.coordinate_break(index, &decenter, &tilt, true, s.thickness_mm, next);
         }

@@ -47,7 +47,7 @@ fn writing_and_reading_every_built_in_lens_keeps_its_bits() {
     }
 }
 
-/// A field that is the mirror image of another counts by the larger weight of the two.
+/// A field that is the mirror image of another adds its weight, as both are in the merit of the program.
 #[test]
 fn weights_of_fields_are_written_and_read_in_every_format() {
     let catalog = catalog();
@@ -73,7 +73,7 @@ fn weights_of_fields_are_written_and_read_in_every_format() {
         + &zmx.text[end..];
     let file = parse_zmx(&mirrored.replace("XFLN 0 0 0 0", "XFLN 0 0 0 0 0"), &catalog).unwrap().file;
     assert_eq!(file.lens.fields_deg, [0.0, 7.0, 14.0, 20.0]);
-    assert_eq!(file.field_weights, [1.0, 2.0, 4.0, 1.0]);
+    assert_eq!(file.field_weights, [1.0, 2.0, 7.0, 1.0]);
 }
 
 #[test]

@@ -20,8 +20,11 @@ pub struct Surface {
     pub thickness_mm: f64,
     /// The medium behind the surface.
     pub glass: Arc<Glass>,
-    /// Clear semi-diameter, mm: light beyond it is lost.
+    /// Clear semi-diameter, mm: light beyond it is lost, unless the surface is [open](Self::is_open).
     pub semi_diameter_mm: f64,
+    /// Whether light beyond the clear semi-diameter passes. Then it is a size for drawings and edges, such as that of the beams of the lens's
+    /// fields, and no aperture. The stop cuts in any case.
+    pub is_open: bool,
     /// What it does to light.
     pub action: Action,
     /// A diffractive structure on it.
@@ -58,6 +61,7 @@ impl Default for Surface {
             thickness_mm: 0.0,
             glass: Glass::air(),
             semi_diameter_mm: 1.0,
+            is_open: false,
             action: Action::Refract,
             phase: None,
             placement: None,

@@ -93,8 +93,10 @@ impl Analysis {
     /// The clear semi-diameters of the lens, mm, of surfaces where they cut beams of the stop; `None` elsewhere.
     pub fn cutting_apertures_mm(&self, problem: &Problem) -> Vec<Option<f64>> {
         let cuts = |(i, needed_mm): (usize, f64)| {
-            let own_mm = self.lens.surfaces[i].semi_diameter_mm;
-            (i != self.lens.stop && own_mm < (1.0 - CUTS) * (needed_mm - MOUNT_MM)).then_some(own_mm)
+            let own = &self.lens.surfaces[i];
+            let own_mm = own.semi_diameter_mm;
+            (i != self.lens.stop && !own.is_open && own_mm < (1.0 - CUTS) * (needed_mm - MOUNT_MM))
+                .then_some(own_mm)
         };
         self.needed_mm(problem).into_iter().enumerate().map(cuts).collect()
     }

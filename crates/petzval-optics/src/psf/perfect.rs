@@ -78,7 +78,7 @@ pub fn focused_thin_lens_mm(lens: &Lens) -> Option<f64> {
     let efl_mm = 1.0 / power_per_mm;
     let is_plain = surface.phase.is_none() && surface.placement.is_none() && surface.glass.is_air();
     let is_focused = (surface.thickness_mm / efl_mm - 1.0).abs() < 1e-9;
-    let is_open = surface.semi_diameter_mm >= 0.5 * lens.entrance_pupil_mm * (1.0 - 1e-9);
+    let is_open = surface.is_open || surface.semi_diameter_mm >= 0.5 * lens.entrance_pupil_mm * (1.0 - 1e-9);
     (is_plain && is_focused && is_open && lens.object == ObjectDistance::Infinity).then_some(efl_mm)
 }
 

@@ -24,7 +24,7 @@ pub struct SurfaceAtWavelength {
     pub n_after: f64,
     /// Distance to the next vertex, mm.
     pub thickness_mm: f64,
-    /// Clear semi-diameter, mm.
+    /// Clear semi-diameter, mm; infinite where light passes at any height.
     pub semi_diameter_mm: f64,
     /// Whether it is a mirror, with the medium of its front behind it.
     pub(crate) reflects: bool,
@@ -207,7 +207,7 @@ impl Sequence {
     /// Evaluates every index of the lens at the wavelength.
     pub fn new(lens: &Lens, wavelength_um: f64) -> Self {
         let mut n_before = 1.0_f64;
-        let surfaces = lens.surfaces.iter().map(|s| {
+        let surfaces = lens.surfaces.iter().enumerate().map(|(i, s)| {
             let n_after = match s.action {
                 Action::Reflect => -n_before,
                 _ => s.glass.index(wavelength_um).copysign(n_before),
@@ -235,7 +235,11 @@ impl Sequence {
                 n_before,
                 n_after,
                 thickness_mm: s.thickness_mm,
-                semi_diameter_mm: s.semi_diameter_mm,
+                semi_diameter_mm: if s.is_open && i != lens.stop {
+                    f64::INFINITY
+                } else {
+                    s.semi_diameter_mm
+                },
                 is_general: s.shape.departure != Departure::None || !matches!(bending, Bending::Snell),
                 reflects: s.action == Action::Reflect,
                 bending,

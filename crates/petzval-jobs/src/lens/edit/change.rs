@@ -285,6 +285,7 @@ impl Editor<'_> {
             Edit::SemiDiameter { surface, semi_diameter_mm } => {
                 let i = index(*surface)?;
                 file.lens.surfaces[i].semi_diameter_mm = *semi_diameter_mm;
+                file.lens.surfaces[i].is_open = false;
             }
             Edit::Glass { surface, glass } => self.set_glass(index(*surface)?, glass, &mut file.lens)?,
             Edit::Label { surface, label } => {
@@ -701,8 +702,8 @@ fn insert(before: usize, file: &mut LensFile) -> Result<()> {
         // In front of all: as far as the first surface is high.
         None => {
             let first = &file.lens.surfaces[0];
-            let semi_diameter_mm = first.semi_diameter_mm;
-            Surface { thickness_mm: 0.2 * semi_diameter_mm, semi_diameter_mm, ..Surface::default() }
+            let Surface { semi_diameter_mm, is_open, .. } = *first;
+            Surface { thickness_mm: 0.2 * semi_diameter_mm, semi_diameter_mm, is_open, ..Surface::default() }
         }
         Some(front) => {
             let front = &mut file.lens.surfaces[front];
@@ -713,6 +714,7 @@ fn insert(before: usize, file: &mut LensFile) -> Result<()> {
                 thickness_mm: half_mm,
                 glass: front.glass.clone(),
                 semi_diameter_mm: front.semi_diameter_mm,
+                is_open: front.is_open,
                 ..Surface::default()
             }
         }

@@ -289,7 +289,8 @@ impl Goal {
             return Ok(Some(EflSolve { surface, efl_mm, radius_mm }));
         }
         let (surface, radius_mm) = holding(file).ok_or_else(|| {
-            let hint = "it takes a curved surface between two media, or a curved mirror, without pickups from or to it";
+            let hint = "it takes a radius that the file lets vary, or any curved one if it names no variables, without pickups from or to it; or a [solve] in the \
+                        file: efl = { surface = ..., efl_mm = ... }";
             JobError::setting("efl", wanted, "no surface can hold the focal length", hint)
         })?;
         Ok(Some(EflSolve { surface, efl_mm, radius_mm }))

@@ -20,6 +20,7 @@ use petzval_files::{LensFile, OperandFile, parse_operands};
 use petzval_optics::design_space::AtBound;
 use petzval_optics::lens::{Lens, validate};
 use petzval_optics::optimize::{Analysis, LevenbergOptions, Problem, Search, SearchOptions, descend};
+use petzval_optics::paraxial::first_order;
 
 use self::descent::descent;
 use self::figures::is_restored;
@@ -212,7 +213,9 @@ fn cut_in_words(cutting: &[Option<f64>], is_search: bool) -> String {
 fn with_own_apertures(fitted: Lens, file: &LensFile) -> Lens {
     let mut own = fitted.clone();
     for (surface, stated) in own.surfaces.iter_mut().zip(&file.lens.surfaces) {
-        surface.semi_diameter_mm = stated.semi_diameter_mm;
+        if !stated.is_open {
+            surface.semi_diameter_mm = stated.semi_diameter_mm;
+        }
     }
     if validate(&own).is_ok() { own } else { fitted }
 }
@@ -315,10 +318,26 @@ fn note_held_radius(problem: &Problem, file: &LensFile, goal: &Goal, context: &C
             held(solve.surface, format!("the magnification of {:.4}", solve.magnification));
         }
         (None, None) if goal.efl.is_none() => {
-            context.note("the focal length is not held: the lens is afocal, or no radius can hold it");
+            context.note(format!("the focal length is not held: {}", why_not_held(file)));
         }
         _ => {}
     }
+}
+
+/// Why no radius holds the focal length.
+fn why_not_held(file: &LensFile) -> String {
+    let efl_mm = first_order(&file.lens.at_wavelength(file.lens.reference_um)).efl_mm;
+    if !efl_mm.is_finite() {
+        return "the lens is afocal".to_owned();
+    }
+    if file.variables.is_empty() {
+        return "no radius is free to hold it".to_owned();
+    }
+    let last = file.lens.surfaces.len();
+    format!(
+        "of the radii that the file lets vary, none is free to hold it; [solve] efl = {{ surface = {last}, efl_mm = {efl_mm:.4} }} in the file does, or that of \
+         another surface"
+    )
 }
 
 /// The lens at the start with more rays, its image plane where the spots are least, or the error after restoration: an operand such as a short
