@@ -89,7 +89,8 @@ pub fn load_coco(place: &Path, cancel: &Cancel) -> Result<Loaded, CocoError> {
                 }
                 parts.push((part, data));
             }
-            Loaded { data: joined(parts), defects, file: place.to_owned(), folders: vec![place.to_owned()] }
+            let data = joined(parts, &mut defects);
+            Loaded { data, defects, file: place.to_owned(), folders: vec![place.to_owned()] }
         }
     };
     if loaded.data.images.is_empty() {

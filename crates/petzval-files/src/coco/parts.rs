@@ -1,12 +1,14 @@
 //! A data set whose parts have files of annotations of their own, as COCO and Roboflow write them.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 
 use super::data_set::{Category, DataSet};
+use super::defect::{DefectKind, Defects};
 
 /// One data set of parts and their names. Classes of one name become one, with the number that the first part with it gives it, if that is free.
-/// Pictures and objects are numbered anew. A picture that names no part is of that of its file.
-pub(super) fn joined(parts: Vec<(String, DataSet)>) -> DataSet {
+/// Pictures and objects are numbered anew. A picture that names no part is of that of its file. Pictures that several parts list are noted.
+pub(super) fn joined(parts: Vec<(String, DataSet)>, defects: &mut Defects) -> DataSet {
+    note_shared_pictures(&parts, defects);
     let states_form = parts.iter().all(|(_, data)| data.states_form);
     let mut whole = DataSet { states_form, ..DataSet::default() };
     let mut numbers: HashMap<String, u64> = HashMap::new();
@@ -45,10 +47,25 @@ pub(super) fn joined(parts: Vec<(String, DataSet)>) -> DataSet {
     whole
 }
 
+/// Notes the pictures of a part that an earlier part lists, too. Those that one part lists twice are noted by the check of its file.
+fn note_shared_pictures(parts: &[(String, DataSet)], defects: &mut Defects) {
+    let mut first: HashMap<&str, usize> = HashMap::new();
+    for (place, (part, data)) in parts.iter().enumerate() {
+        let names: BTreeSet<&str> = data.images.iter().map(|image| image.file_name.as_str()).collect();
+        for name in names {
+            let earlier = *first.entry(name).or_insert(place);
+            if earlier < place {
+                defects.add(DefectKind::RepeatedFile, || {
+                    format!("{name}: in `{}` and `{part}`", parts[earlier].0)
+                });
+            }
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::data_set::{Annotation, Image};
-    use super::super::defect::Defects;
     use super::super::read::parse_coco;
     use super::*;
 
@@ -65,11 +82,12 @@ mod tests {
         let image = |name: &str| format!(r#"{{"id": 1, "file_name": "{name}", "width": 9, "height": 9}}"#);
         let own = r#"{"id": 1, "file_name": "c", "width": 9, "height": 9, "split": "test"}"#;
         let (car, person) = (r#"{"id": 3, "name": "car"}"#, r#"{"id": 3, "name": "person"}"#);
-        let whole = joined(vec![
+        let parts = vec![
             ("train".to_owned(), part(car, &image("a"), 3)),
             ("val".to_owned(), part(&format!(r#"{person}, {{"id": 9, "name": "car"}}"#), &image("b"), 9)),
             ("more".to_owned(), part(person, own, 3)),
-        ]);
+        ];
+        let whole = joined(parts, &mut Defects::default());
         let categories: Vec<_> = whole.categories.iter().map(|c| (c.id, c.name.as_str())).collect();
         assert_eq!(categories, [(3, "car"), (1, "person")]);
         let images: Vec<_> =

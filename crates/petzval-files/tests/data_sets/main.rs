@@ -545,6 +545,22 @@ fn several_files_of_annotations_are_parts_of_one_data_set() {
         assert_eq!(defects, [(DefectKind::OtherPictureSize, size)]);
         assert_eq!((loaded.data.images.len(), loaded.data.annotations.len()), (1, 1));
     }
+    // A picture that two parts list is learned from and judged on. One that a part lists twice is noted once.
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("annotations")).unwrap();
+    for part in ["train", "val"] {
+        let file = folder.path().join(format!("annotations/instances_{part}.json"));
+        let entry = |id: u32| format!(r#"{{"id": {id}, "file_name": "b.png", "width": 40, "height": 30}}, "#);
+        let more = if part == "train" { entry(6) + &entry(7) } else { String::new() };
+        let images = "\"images\": [";
+        std::fs::write(file, text("a.png").replace(images, &format!("{images}{more}"))).unwrap();
+    }
+    write_png(&folder.path().join("images/a.png"), 40, 30);
+    write_png(&folder.path().join("images/b.png"), 40, 31);
+    let mut loaded = load_coco(folder.path(), &Cancel::default()).unwrap();
+    check_pictures(&mut loaded, &|_| Ok(())).unwrap();
+    let repeated = loaded.defects.iter().find(|d| d.kind == DefectKind::RepeatedFile).unwrap();
+    assert_eq!(repeated.first, ["images 6 and 7: b.png", "images/a.png: in `train` and `val`"]);
     // Of two files for one part somebody has to choose.
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir(folder.path().join("annotations")).unwrap();
