@@ -306,6 +306,22 @@ fn validation_sees_no_film_that_is_trained_on_if_there_is_a_second_one() {
 }
 
 #[test]
+fn a_picture_of_two_parts_is_noted_and_is_no_film() {
+    let path = tempfile::tempdir().unwrap();
+    folder(path.path(), 12, "person");
+    mark(path.path(), |i| format!("\"split\": \"{}\"", if i <= 9 { "train" } else { "test" }));
+    let file = path.path().join("annotations.json");
+    let again = r#"{"id": 99, "file_name": "01.png", "split": "test", "width": 120, "height": 100}, "#;
+    let images = "\"images\": [";
+    let text = std::fs::read_to_string(&file).unwrap().replacen(images, &format!("{images}{again}"), 1);
+    std::fs::write(&file, text).unwrap();
+    let (_, notes) = load(path.path(), CROP).unwrap();
+    let said = |words: &str| notes.iter().any(|note| note.contains(words));
+    assert!(said("Two entries are of one picture file") && said("01.png"), "{notes:?}");
+    assert!(said("no picture names its sequence") && !said("pictures of the same film"), "{notes:?}");
+}
+
+#[test]
 fn the_fingerprint_is_that_of_the_files_content() {
     let path = tempfile::tempdir().unwrap();
     folder(path.path(), 15, "person");
