@@ -20,6 +20,9 @@ const LEAST_OUT: f64 = 0.25;
 /// Overhangs of so many pixels are rounding.
 const ROUNDING_PX: f64 = 2.0;
 
+/// Corners lie so many pixels beyond the picture at most: some programs count from 1.
+const CORNER_SLACK_PX: f64 = 1.0;
+
 /// Areas may exceed their box by this share, which is rounding.
 const AREA_SLACK: f64 = 1.01;
 
@@ -142,9 +145,11 @@ pub(super) fn check_form(data: &DataSet, size_of: impl Fn(&Image) -> (u32, u32),
     if data.states_form || placed.len() < LEAST_BOXES {
         return;
     }
+    // Read as two corners, a box lies in its picture.
     let could_be_corners = |(_, _, b, size): &Placed| {
-        let ends = [f64::from(size.0) + 1.0, f64::from(size.1) + 1.0];
-        b.x < b.width && b.y < b.height && b.width <= ends[0] && b.height <= ends[1]
+        let ends = [f64::from(size.0) + CORNER_SLACK_PX, f64::from(size.1) + CORNER_SLACK_PX];
+        let begins_inside = b.x >= -CORNER_SLACK_PX && b.y >= -CORNER_SLACK_PX;
+        begins_inside && b.x < b.width && b.y < b.height && b.width <= ends[0] && b.height <= ends[1]
     };
     let reaches_out =
         |(_, _, bounds, size): &Placed| bounds.overhang(f64::from(size.0), f64::from(size.1)) > ROUNDING_PX;

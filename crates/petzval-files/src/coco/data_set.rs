@@ -20,7 +20,8 @@ pub struct DataSet {
     pub categories: Vec<Category>,
     /// The objects, in the order of the file.
     pub annotations: Vec<Annotation>,
-    /// Whether the file says of every box that it is left edge, upper edge, width and height: `bbox_mode` 1, as Detectron2 writes it.
+    /// Whether every box is known to be left edge, upper edge, width and height: the file says so (`bbox_mode` 1, as Detectron2 writes it), or a converter
+    /// made the boxes.
     pub states_form: bool,
 }
 

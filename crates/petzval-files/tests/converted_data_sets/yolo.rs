@@ -6,6 +6,20 @@ use petzval_files::coco::convert::{Converted, SourceFormat, convert};
 
 use super::{fails, objects, write, write_grey, write_png};
 
+/// Boxes that a converter made are in pixels from the left and the upper edge, whatever they look like.
+#[test]
+fn the_form_of_converted_boxes_is_not_guessed() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    write(root, "data.yaml", "names: [car]\n");
+    write_png(root, "images/a.png", 100, 100);
+    // Three objects that the right and the lower edge cut, [37.5, 37.5, 75, 75] px.
+    write(root, "labels/a.txt", &"0 0.75 0.75 0.75 0.75\n".repeat(3));
+    let converted = convert(SourceFormat::Yolo, root, None, &Cancel::default()).unwrap();
+    assert_eq!(converted.defects.errors(), 0, "{:?}", converted.defects);
+    assert_eq!(objects(&converted)[0].2, [37.5, 37.5, 62.5, 62.5]);
+}
+
 #[test]
 fn yolo_is_read_in_every_layout() {
     let label = "1 0.5 0.25 0.2 0.1\n0 0.5 0.5 1.0 1.002\n";

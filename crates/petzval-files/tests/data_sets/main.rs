@@ -109,7 +109,9 @@ fn boxes_in_another_form_are_known_by_all_of_them() {
     // The same boxes as they should be; and objects at the edge, of which most reach out.
     let right = with_boxes(&corners.map(|[x1, y1, x2, y2]| [x1, y1, x2 - x1, y2 - y1]));
     let at_edge = with_boxes(&[[30.0, 20.0, 15.0, 15.0], [28.0, 4.0, 20.0, 9.0], [-5.0, 2.0, 12.0, 9.0]]);
-    for defects in [right, at_edge] {
+    // Large objects that the left and the upper edge cut: as two corners they would begin outside, too.
+    let cut = with_boxes(&[[-6.0, -4.0, 26.0, 20.0], [-3.0, 2.0, 30.0, 25.0], [4.0, 3.0, 12.0, 14.0]]);
+    for defects in [right, at_edge, cut] {
         assert_eq!([DefectKind::CornerBoxes, DefectKind::ShareBoxes].map(|kind| defects.count(kind)), [0, 0]);
     }
 }

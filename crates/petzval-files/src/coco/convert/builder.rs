@@ -217,6 +217,8 @@ impl Builder {
         self.data.info.insert("description".to_owned(), format!("converted from {format}").into());
         self.settle_turns();
         note_unread(&self.unread, &mut self.defects);
+        // The form of the labels is that of their format, and is not guessed.
+        self.data.states_form = true;
         check_values(&mut self.data, &mut self.defects);
         let path = |image: &Image| self.sources.get(&image.id).map(|source| source.path.clone());
         let sources = self.data.images.iter().filter_map(path).collect();
