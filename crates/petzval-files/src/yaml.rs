@@ -1,5 +1,7 @@
 //! The part of YAML that pages of refractiveindex.info use, as a tree whose nodes have their line. Aliases are refused,
-//! because a short text with aliases can expand exponentially; so is deep nesting.
+//! because a short text with aliases can expand exponentially; so are deep nesting and a key that a map has twice.
+
+use std::collections::HashMap;
 
 use saphyr_parser::{Event, Parser};
 
@@ -15,7 +17,7 @@ pub(crate) struct Node {
 pub(crate) enum Value {
     Text(String),
     List(Vec<Node>),
-    /// Keys and values in the order of the file.
+    /// Keys and values in the order of the file; no key is there twice.
     Map(Vec<(String, Node)>),
 }
 
@@ -56,8 +58,37 @@ pub(crate) fn error(line: usize, key: &str, value: &str, message: impl Into<Stri
 /// A list or map that is being read.
 enum Open {
     List(Vec<Node>),
-    /// The entries so far, and the key whose value comes next.
-    Map(Vec<(String, Node)>, Option<String>),
+    Map(OpenMap),
+}
+
+/// A map that is being read.
+#[derive(Default)]
+struct OpenMap {
+    /// The entries so far.
+    entries: Vec<(String, Node)>,
+    /// The key whose value comes next.
+    key: Option<String>,
+    /// The line of each key, from 1.
+    lines: HashMap<String, usize>,
+}
+
+impl OpenMap {
+    /// Takes a key or the value of the last key. Fails on a key that is no text, or that was there before.
+    fn take(&mut self, node: Node) -> Result<(), FileError> {
+        if let Some(key) = self.key.take() {
+            self.entries.push((key, node));
+            return Ok(());
+        }
+        let Value::Text(key) = node.value else {
+            return Err(error(node.line, "", "", "a key is a word"));
+        };
+        if let Some(first) = self.lines.insert(key.clone(), node.line) {
+            let message = format!("this key is there twice, first in line {first}");
+            return Err(error(node.line, &key, "", message).hint("keep one of the two"));
+        }
+        self.key = Some(key);
+        Ok(())
+    }
 }
 
 /// Parses the first document of a text.
@@ -83,12 +114,12 @@ pub(crate) fn parse(text: &str) -> Result<Node, FileError> {
                 continue;
             }
             Event::MappingStart(..) => {
-                open.push((line, Open::Map(Vec::new(), None)));
+                open.push((line, Open::Map(OpenMap::default())));
                 continue;
             }
             Event::SequenceEnd | Event::MappingEnd => match open.pop() {
                 Some((line, Open::List(nodes))) => Node { line, value: Value::List(nodes) },
-                Some((line, Open::Map(entries, _))) => Node { line, value: Value::Map(entries) },
+                Some((line, Open::Map(map))) => Node { line, value: Value::Map(map.entries) },
                 None => break,
             },
             Event::Alias(_) => {
@@ -100,14 +131,30 @@ pub(crate) fn parse(text: &str) -> Result<Node, FileError> {
         match open.last_mut() {
             None => return Ok(done),
             Some((_, Open::List(nodes))) => nodes.push(done),
-            Some((_, Open::Map(entries, key))) => match key.take() {
-                Some(key) => entries.push((key, done)),
-                None => match done.value {
-                    Value::Text(text) => *key = Some(text),
-                    _ => return Err(error(done.line, "", "", "a key is a word")),
-                },
-            },
+            Some((_, Open::Map(map))) => map.take(done)?,
         }
     }
     Err(error(1, "", "", "there is nothing in this file"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_key_that_a_map_has_twice_is_refused() {
+        for (text, line, key, first) in [
+            ("names: [a]\nnc: 1\nnames: [b]\n", 3, "names", 1),
+            ("names:\n  0: a\n  1: b\n  0: c\n", 4, "0", 2),
+            ("names: {0: a, 0: b}\n", 1, "0", 1),
+            ("- x: 1\n  y: 2\n  \"x\": 3\n", 3, "x", 1),
+        ] {
+            let Err(error) = parse(text) else { panic!("{text}") };
+            assert_eq!((error.line, error.key.as_str()), (Some(line), key), "{text}");
+            assert!(error.message.ends_with(&format!("first in line {first}")), "{error}");
+            assert!(error.hint.is_some(), "{text}");
+        }
+        // Maps beside and below each other may have the same keys.
+        assert!(parse("- x: 1\n- x: 2\n").is_ok() && parse("x:\n  x: 1\ny:\n  x: 1\n").is_ok());
+    }
 }
