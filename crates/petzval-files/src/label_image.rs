@@ -6,12 +6,18 @@ use std::path::Path;
 use ::image::{ExtendedColorType, ImageFormat};
 use png::{BitDepth, ColorType, Transformations};
 use tiff::decoder::{Decoder, DecodingResult};
-use tiff::tags::Tag;
+use tiff::tags::{PhotometricInterpretation, Tag};
 
-use crate::picture_file::{CUT_OFF, ImageError, encode, is_cut_off, picture_bytes, picture_head};
+use crate::picture_file::{CUT_OFF, ImageError, encode, head_of, is_cut_off, picture_bytes};
 
 /// What the samples of a TIFF file mean: 0 is white.
 const WHITE_IS_ZERO: u32 = 0;
+
+/// The type of the value in a TIFF directory that says what samples mean: 16 bits.
+const SHORT: u16 = 3;
+
+/// Bytes of an entry in a TIFF directory.
+const ENTRY: usize = 12;
 
 /// A picture of labels.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -26,13 +32,13 @@ pub struct LabelImage {
     pub values: Vec<u16>,
 }
 
-/// Reads the indices of a PNG file (gray or with a palette, whose entries say nothing) or of a gray TIFF file. They come as they are stored:
+/// Reads the indices of a PNG or TIFF file, gray or with a palette, whose entries say nothing. They come as they are stored:
 /// no colour profile, gamma or orientation is applied. Fails on pixels that are colours, and on files of other kinds.
 pub fn load_label_image(path: &Path) -> Result<LabelImage, ImageError> {
     let name = path.display().to_string();
-    // Refuses what is empty or takes too much memory.
-    picture_head(path)?;
-    let bytes = picture_bytes(path)?;
+    let mut bytes = picture_bytes(path)?;
+    make_palette_gray(&mut bytes);
+    check_head(&bytes, &name)?;
     let read = match ::image::guess_format(&bytes) {
         Ok(ImageFormat::Png) if is_cut_off(&bytes) => Err(CUT_OFF.to_owned()),
         Ok(ImageFormat::Png) => read_png(&bytes),
@@ -45,6 +51,50 @@ pub fn load_label_image(path: &Path) -> Result<LabelImage, ImageError> {
 /// An 8-bit index PNG of a map of `height` x `width` indices, row by row.
 pub fn index_png_bytes(values: &[u8], height: usize, width: usize) -> Result<Vec<u8>, ImageError> {
     encode(values, height, width, ExtendedColorType::L8, ImageFormat::Png, "PNG buffer of indices")
+}
+
+/// Refuses what is empty or takes too much memory.
+fn check_head(bytes: &[u8], name: &str) -> Result<(), ImageError> {
+    let checked = head_of(Cursor::new(bytes), bytes.len() as u64, name).and_then(|head| head.checked(name));
+    match checked {
+        // The hint of a photograph names files that hold no labels.
+        Err(ImageError::Decode { name, reason }) => {
+            Err(ImageError::NoLabels { name, reason: format!("cannot decode it: {reason}") })
+        }
+        checked => checked.map(|_| ()),
+    }
+}
+
+/// Makes the indices of a TIFF file with a palette gray values: its decoder reads no palettes. Other files stay as they are.
+fn make_palette_gray(bytes: &mut [u8]) {
+    if let Some((place, is_little)) = place_of_palette(bytes) {
+        let gray = PhotometricInterpretation::BlackIsZero.to_u16();
+        let gray = if is_little { gray.to_le_bytes() } else { gray.to_be_bytes() };
+        bytes[place..place + gray.len()].copy_from_slice(&gray);
+    }
+}
+
+/// The place of the two bytes by which a TIFF file says that its samples are indices of a palette, and whether the low byte comes first. `None` of other files.
+fn place_of_palette(bytes: &[u8]) -> Option<(usize, bool)> {
+    let is_little = match bytes.first_chunk::<4>()? {
+        b"II*\0" => true,
+        b"MM\0*" => false,
+        _ => return None,
+    };
+    let short_at = |place: usize| {
+        let pair = *bytes.get(place..)?.first_chunk::<2>()?;
+        Some(if is_little { u16::from_le_bytes(pair) } else { u16::from_be_bytes(pair) })
+    };
+    let directory = *bytes.get(4..)?.first_chunk::<4>()?;
+    let directory = if is_little { u32::from_le_bytes(directory) } else { u32::from_be_bytes(directory) };
+    let directory = usize::try_from(directory).ok()?;
+    // An entry is its tag, its type, the number of its values, and the values in the last four bytes.
+    let mut entries = (0..usize::from(short_at(directory)?)).map(|i| directory + 2 + ENTRY * i);
+    let meaning = Tag::PhotometricInterpretation.to_u16();
+    let entry = entries.find(|entry| short_at(*entry) == Some(meaning))?;
+    let (kind, place) = (short_at(entry + 2)?, entry + 8);
+    let is_palette = short_at(place)? == PhotometricInterpretation::RGBPalette.to_u16();
+    (kind == SHORT && is_palette).then_some((place, is_little))
 }
 
 fn read_png(bytes: &[u8]) -> Result<LabelImage, String> {
@@ -121,6 +171,26 @@ mod tests {
         bytes
     }
 
+    /// A TIFF file of two 8-bit indices of a palette, in either order of bytes.
+    fn palette_tiff(indices: [u8; 2], is_little: bool) -> Vec<u8> {
+        let short = |v: u16| if is_little { v.to_le_bytes() } else { v.to_be_bytes() };
+        let long = |v: u32| if is_little { v.to_le_bytes() } else { v.to_be_bytes() };
+        // Width, height, bits, no compression, a palette, the place of the pixels behind the directory, rows and bytes of the strip.
+        let entries =
+            [(256, 2), (257, 1), (258, 8), (259, 1), (262, 3), (273, 8 + 2 + 8 * 12 + 4), (278, 1), (279, 2)];
+        let mut bytes = if is_little { b"II*\0".to_vec() } else { b"MM\0*".to_vec() };
+        bytes.extend(long(8));
+        bytes.extend(short(entries.len() as u16));
+        for (tag, value) in entries {
+            bytes.extend([short(tag), short(3)].concat());
+            bytes.extend(long(1));
+            bytes.extend([short(value), [0; 2]].concat());
+        }
+        bytes.extend(long(0));
+        bytes.extend(indices);
+        bytes
+    }
+
     fn read(name: &str, bytes: &[u8]) -> Result<LabelImage, String> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(name);
@@ -151,6 +221,11 @@ mod tests {
         TiffEncoder::new(&mut sixteen).unwrap().write_image::<Gray16>(2, 1, &[7, 24001]).unwrap();
         let sixteen = read("a.tif", sixteen.get_ref()).unwrap();
         assert_eq!((sixteen.has_16_bits, &sixteen.values[..]), (true, &[7, 24001][..]));
+        // The decoder of TIFF files reads no palettes.
+        for is_little in [true, false] {
+            let palette = read("a.tif", &palette_tiff([7, 200], is_little)).unwrap();
+            assert_eq!(palette, LabelImage { height: 1, width: 2, has_16_bits: false, values: vec![7, 200] });
+        }
         // What is written is read.
         let written = index_png_bytes(&[0, 9, 255, 3], 2, 2).unwrap();
         assert_eq!(read("a.png", &written).unwrap().values, [0, 9, 255, 3]);
@@ -165,6 +240,10 @@ mod tests {
         let whole = png(ColorType::Grayscale, BitDepth::Eight, [3, 2], &[0; 6]);
         assert!(refused("a.png", &whole[..whole.len() - 14]).contains("cut off"));
         assert!(refused("a.png", b"P5 1 1 255 a").contains("neither a PNG nor a TIFF"));
-        assert!(refused("a.png", b"").contains("cannot decode"));
+        let empty = refused("a.png", b"");
+        assert!(empty.contains("cannot decode") && empty.matches("hint: ").count() == 1, "{empty}");
+        assert!(empty.contains("hint: give a PNG or TIFF file"), "{empty}");
+        // A directory that lies beyond the end of the file has no palette.
+        assert!(refused("a.tif", &palette_tiff([7, 200], true)[..60]).contains("a.tif"));
     }
 }

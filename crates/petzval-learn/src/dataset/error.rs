@@ -2,15 +2,15 @@
 
 use std::path::PathBuf;
 
-use petzval_base::Cancelled;
+use petzval_base::{Cancelled, reason_and_hint};
 use petzval_files::coco::CocoError;
 use petzval_files::{ImageError, PictureSetError};
 
 /// Why a data set cannot be used. Each message says what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum DatasetError {
-    /// A file is not a picture that this program can decode.
-    #[error("{0}; use an undamaged PNG, JPEG, TIFF, WebP or BMP, or take it out of the set")]
+    /// A file is not a picture, or not labels, that this program can decode.
+    #[error("{}", with_one_hint(.0))]
     Unreadable(#[from] ImageError),
     /// The folder or a file in it cannot be read.
     #[error("{}: cannot be read; check that it exists and may be read", path.display())]
@@ -142,11 +142,42 @@ pub enum DatasetError {
     },
 }
 
+/// The message of a file that cannot be read, with what to do about it in a set of pictures. Labels and pictures of wrong values keep their own hint.
+fn with_one_hint(error: &ImageError) -> String {
+    let text = error.to_string();
+    match error {
+        ImageError::NoLabels { .. } | ImageError::TooLarge { .. } | ImageError::NotFinite { .. } => text,
+        ImageError::Io { .. } => format!("{text}; hint: check that it exists and may be read"),
+        ImageError::Decode { .. } | ImageError::Empty { .. } | ImageError::Encode { .. } => {
+            let (reason, _) = reason_and_hint(&text);
+            format!(
+                "{reason}; hint: use an undamaged PNG, JPEG, TIFF, WebP or BMP, or take it out of the set"
+            )
+        }
+    }
+}
+
 impl From<CocoError> for DatasetError {
     fn from(error: CocoError) -> Self {
         match error {
             CocoError::Stopped(cancelled) => Self::Stopped(cancelled),
             error => Self::Coco(error),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_that_cannot_be_read_has_one_hint() {
+        let [name, reason] = ["a.png", "it is damaged"].map(str::to_owned);
+        let labels = ImageError::NoLabels { name: name.clone(), reason: reason.clone() };
+        let said = labels.to_string();
+        assert_eq!(DatasetError::from(labels).to_string(), said);
+        let said = DatasetError::from(ImageError::Decode { name, reason }).to_string();
+        assert!(said.contains("it is damaged; hint: use an undamaged PNG"), "{said}");
+        assert_eq!(said.matches("hint: ").count(), 1, "{said}");
     }
 }
