@@ -14,7 +14,7 @@ use petzval_design::task::objects::boxes::with_boxes;
 use petzval_files::coco::{
     self, ANNOTATIONS, Bounds, Category, DataSet, Image, load_coco, save_coco, save_results,
 };
-use petzval_files::{CheckedPictures, PICTURE_ENDINGS, encoded_png_bytes, load_image};
+use petzval_files::{CheckedPictures, PICTURE_ENDINGS, encoded_png_bytes, is_picture_turned, load_image};
 use petzval_learn::dataset::{List, PictureFile, in_classes, own_categories, taken_as};
 use petzval_learn::detection::{Detection, detect_in};
 use schemars::JsonSchema;
@@ -141,7 +141,11 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let outcome = looked.into_iter().enumerate().try_for_each(|(i, Looked { file, mut image })| {
         context.check(|| format!("stopped after {i} of {count} pictures"))?;
         let encoded = match encoded(&file, finder.camera.as_ref()) {
-            Ok(encoded) => encoded,
+            Ok((encoded, is_turned)) => {
+                // Boxes are of the picture as it is shown. Other pictures need no such word.
+                image.turned = is_turned.then_some(true);
+                encoded
+            }
             Err(error) => {
                 context.warning(WarningKind::UnreadablePicture, format!("{error}"));
                 unread.push(file);
@@ -247,13 +251,14 @@ fn drawn_pictures(folder: &Path) -> BTreeSet<PathBuf> {
     entries.map(|entry| entry.path()).filter(|path| is_drawn(path)).collect()
 }
 
-/// A picture as a detector sees it, sRGB-encoded; a raw frame developed by the camera.
-fn encoded(file: &Path, camera: Option<&Camera>) -> Result<LinearImage> {
+/// A picture as a detector sees it, sRGB-encoded, and whether EXIF has turned it; a raw frame developed by the camera.
+fn encoded(file: &Path, camera: Option<&Camera>) -> Result<(LinearImage, bool)> {
     Ok(match camera.filter(|_| is_raw(file)) {
-        Some(camera) => developed(camera, &raw_frame(file, &camera.body().sensor)?)?,
+        Some(camera) => (developed(camera, &raw_frame(file, &camera.body().sensor)?)?, false),
         None => {
             let light = load_image(file).map_err(DesignError::from)?.light;
-            LinearImage { data: light.to_srgb(), ..light }
+            let is_turned = is_picture_turned(file).map_err(DesignError::from)?;
+            (LinearImage { data: light.to_srgb(), ..light }, is_turned)
         }
     })
 }

@@ -70,6 +70,19 @@ fn write_lights(folder: &Path) {
     std::fs::write(folder.join("annotations.json"), text).unwrap();
 }
 
+/// A copy of a picture whose EXIF says that it is upside down.
+fn write_upside_down(from: &Path, to: &Path) {
+    use image::ImageEncoder;
+    let picture = image::open(from).unwrap().into_rgb8();
+    let mut bytes = Vec::new();
+    let mut encoder = image::codecs::png::PngEncoder::new(&mut bytes);
+    // One tag, the orientation: 3 is half a turn.
+    let about = b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x03\0\0\0\0\0\0";
+    encoder.set_exif_metadata(about.to_vec()).unwrap();
+    encoder.write_image(&picture, picture.width(), picture.height(), image::ExtendedColorType::Rgb8).unwrap();
+    std::fs::write(to, bytes).unwrap();
+}
+
 /// A folder with the experiment, `tiny.toml`, and the data set of lights, `in`.
 fn experiment_and_lights() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
@@ -278,6 +291,14 @@ fn a_run_that_looks_for_objects_is_scored_again_reported_and_lends_its_detector(
     assert!(cut.stdout.starts_with("file,class,score,x,y,width,height\n"), "{}", cut.stdout);
     assert_eq!(read_json(&root.join("nine/annotations.json"))["images"].as_array().unwrap().len(), 9);
     assert!(root.join("nine/detections.json").is_file() && root.join("nine/0010-10.png").is_file());
+
+    // Boxes are of pictures as EXIF turns them, and annotations say so.
+    std::fs::create_dir(root.join("turned")).unwrap();
+    write_upside_down(&root.join("in/01.png"), &root.join("turned/a.png"));
+    std::fs::copy(root.join("in/02.png"), root.join("turned/b.png")).unwrap();
+    run_ok(root, &["detect", "turned", "--run", "run", "--out", "of-turned"]);
+    let images = read_json(&root.join("of-turned/annotations.json"))["images"].clone();
+    assert_eq!((&images[0]["turned"], images[1].get("turned")), (&true.into(), None), "{images}");
 }
 
 #[test]
