@@ -62,8 +62,8 @@ pub use picture_file::{
     picture_size, png_bytes, save_png, save_png16,
 };
 pub use picture_set::{
-    CheckedPictures, CheckedSize, PictureSetError, Stamp, StoredPicture, check_stored, digests_of_alike,
-    hex_digest, stored_pictures,
+    CheckedPictures, CheckedSize, PictureSetError, Stamp, StoredPicture, UnreadPicture, check_stored,
+    digests_of_alike, hex_digest, stored_pictures,
 };
 pub use quantum_efficiency::{parse_quantum_efficiency, parse_quantum_efficiency_toml};
 pub use rii::parse_rii;

@@ -6,6 +6,8 @@ use std::path::Path;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::picture_set::UnreadPicture;
+
 /// Examples of a kind that are kept.
 const EXAMPLES: usize = 3;
 
@@ -83,6 +85,8 @@ kinds! {
         "keep the labels of the time of the picture, or give every frame the name of its own picture";
     UnreadablePicture Error "The file of a picture cannot be decoded; picture and boxes are left out."
         "replace it by an undamaged PNG, JPEG, TIFF, WebP, BMP or OpenEXR file";
+    UnopenedPicture Error "The file of a picture cannot be opened or read; picture and boxes are left out."
+        "check the right to read it; where it is a link, restore the file to which it leads, or replace the link by the file";
     OtherPictureSize Error "A picture has another size than stated, so that its boxes are of other pixels; both are left out."
         "restore the picture to which the boxes belong, or scale the boxes with it; another size alone does not move them";
     UnknownTurn Error "EXIF turns a picture, and nothing says whether its boxes are of the turned one; both are left out."
@@ -159,6 +163,13 @@ kinds! {
         "fine; pycocotools honours only iscrowd";
     ManyBoxes Warning "A picture has more than 1000 boxes; scores count its 100 best detections of each class."
         "cut the picture into tiles";
+}
+
+impl DefectKind {
+    /// The kind of a picture file that cannot be used.
+    pub fn of_unread(unread: &UnreadPicture) -> Self {
+        if unread.is_unopened { Self::UnopenedPicture } else { Self::UnreadablePicture }
+    }
 }
 
 /// The defects of one kind.

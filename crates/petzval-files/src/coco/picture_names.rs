@@ -15,9 +15,12 @@ use super::spelling::common_spelling;
 /// Behind this Label Studio states the path of a file in an address.
 const FILE_IN_ADDRESS: &str = "?d=";
 
-/// The file of a picture in the first of these folders that has it. Some programs write `images\\a.png`.
+/// The file of a picture in the first of these folders that has it, else a link by its name that leads to no file. Some programs write `images\\a.png`.
 pub(super) fn picture_in(folders: &[PathBuf], file_name: &str) -> Option<PathBuf> {
-    let find = |name: &str| folders.iter().map(|folder| folder.join(name)).find(|path| path.is_file());
+    let find = |name: &str| {
+        let paths = || folders.iter().map(move |folder| folder.join(name));
+        paths().find(|path| path.is_file()).or_else(|| paths().find(|path| path.is_symlink()))
+    };
     match find(file_name) {
         None if file_name.contains('\\') => find(&file_name.replace('\\', "/")),
         found => found,

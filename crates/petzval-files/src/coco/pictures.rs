@@ -68,7 +68,7 @@ pub fn check_pictures_by(
         let stated = (image.width, image.height);
         let fault = match head {
             None => Some((DefectKind::MissingPicture, name)),
-            Some(Err(error)) => Some((DefectKind::UnreadablePicture, error)),
+            Some(Err(unread)) => Some((DefectKind::of_unread(&unread), unread.message)),
             Some(Ok(head)) => {
                 let is_stated = stated.0 > 0 && stated.1 > 0;
                 (image.width, image.height) = head.upright();

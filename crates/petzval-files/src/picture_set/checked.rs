@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::StoredPicture;
-use crate::picture_file::{MOST_PICTURE_BYTES, PictureHead};
+use crate::picture_file::{ImageError, MOST_PICTURE_BYTES, PictureHead};
 
 /// Files that changed so recently may change again without another time: they are checked again.
 const RECENT: Duration = Duration::from_secs(3);
@@ -107,8 +107,23 @@ fn identity(picture: &StoredPicture) -> Option<(String, u64, u64)> {
     Some((name, picture.stamp().ok()?.bytes, u64::try_from(modified.as_nanos()).ok()?))
 }
 
+/// Why a picture cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UnreadPicture {
+    /// Whether the system did not let its file be opened or read. Else its content cannot be decoded.
+    pub is_unopened: bool,
+    /// The whole message, with the name of the picture.
+    pub message: String,
+}
+
+impl From<ImageError> for UnreadPicture {
+    fn from(error: ImageError) -> Self {
+        Self { is_unopened: matches!(error, ImageError::Io { .. }), message: error.to_string() }
+    }
+}
+
 /// The head of a picture, or why it cannot be read; `None` where there is none.
-pub(crate) type Head = Option<Result<PictureHead, String>>;
+pub(crate) type Head = Option<Result<PictureHead, UnreadPicture>>;
 
 /// The head of each picture, and whether files were decoded as a whole, as they are unless their light takes more than `most_light_bytes`. Those that
 /// are known are not decoded again. All threads together take at most 2 GB for files and decoded pictures. `watch` is called with how many
@@ -125,7 +140,7 @@ pub(crate) fn checked_heads(
     };
     let lengths: Vec<u64> = pictures.par_iter().map(length).collect();
     let heads = in_batches(pictures, &lengths, |picture| {
-        Ok(picture.as_ref().map(|picture| picture.head().map_err(|error| error.to_string())))
+        Ok(picture.as_ref().map(|picture| picture.head().map_err(UnreadPicture::from)))
     })?;
     let light = heads.iter().flatten().flatten().map(PictureHead::light_bytes);
     if light.fold(0, u64::saturating_add) > most_light_bytes {
@@ -143,7 +158,7 @@ pub(crate) fn checked_heads(
             (Some(picture), Some(Ok(head))) if remembered.digest(picture).is_some() => Some(Ok(*head)),
             (Some(picture), Some(Ok(_))) => {
                 let before = identity(picture);
-                Some(picture.decoded().map_err(|error| error.to_string()).map(|(head, digest)| {
+                Some(picture.decoded().map_err(UnreadPicture::from).map(|(head, digest)| {
                     remembered.note(picture, before, digest);
                     head
                 }))
@@ -157,7 +172,7 @@ pub(crate) fn checked_heads(
 }
 
 /// Columns and rows of a picture, the right way up, or why it cannot be read.
-pub type CheckedSize = Result<(u32, u32), String>;
+pub type CheckedSize = Result<(u32, u32), UnreadPicture>;
 
 /// Decodes pictures from end to end: the columns and rows of each, the right way up, or why it cannot be read. See [`CheckedPictures`] and, for
 /// memory and `watch`, [`check_pictures`](crate::coco::check_pictures).
@@ -234,7 +249,7 @@ mod tests {
         assert!(
             sizes[0] == Ok((6, 4))
                 && sizes[2] == Ok((6, 4))
-                && sizes[1].as_ref().is_err_and(|e| e.contains("c.png"))
+                && sizes[1].as_ref().is_err_and(|e| !e.is_unopened && e.message.contains("c.png"))
         );
         assert!(first.has_fresh());
         first.write(&memory).unwrap();

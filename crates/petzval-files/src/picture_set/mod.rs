@@ -12,7 +12,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 pub(crate) use checked::checked_heads;
-pub use checked::{CheckedPictures, CheckedSize, check_stored};
+pub use checked::{CheckedPictures, CheckedSize, UnreadPicture, check_stored};
 pub use copies::digests_of_alike;
 pub use error::PictureSetError;
 pub use stored::{Stamp, StoredPicture, hex_digest};

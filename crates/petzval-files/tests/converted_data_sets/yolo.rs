@@ -114,6 +114,25 @@ fn yolo_poses_are_boxes_and_outlines_and_rotated_boxes_are_counted() {
     assert_eq!((count(DefectKind::RotatedBox), count(DefectKind::OutlineBox)), (1, 1));
 }
 
+#[cfg(unix)]
+#[test]
+fn a_link_that_leads_nowhere_is_a_file_that_cannot_be_opened() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    write(root, "data.yaml", "names: [light]\n");
+    write_png(root, "images/a.png", 100, 40);
+    std::os::unix::fs::symlink(root.join("nowhere.png"), root.join("images/b.png")).unwrap();
+    for name in ["a", "b"] {
+        write(root, &format!("labels/{name}.txt"), "0 0.5 0.5 0.2 0.1\n");
+    }
+    let converted = convert(SourceFormat::Yolo, root, None, &Cancel::default()).unwrap();
+    assert_eq!(objects(&converted).len(), 1);
+    assert_eq!(converted.defects.count(DefectKind::UnreadablePicture), 0);
+    let unopened = converted.defects.iter().find(|d| d.kind == DefectKind::UnopenedPicture).unwrap();
+    assert!(unopened.count == 1 && unopened.first[0].contains("b.png: No such file"), "{unopened:?}");
+    assert!(unopened.kind.hint().contains("link"));
+}
+
 #[test]
 fn yolo_pictures_that_cannot_be_decoded_have_labels_and_classes_of_one_name_are_counted() {
     let folder = tempfile::tempdir().unwrap();

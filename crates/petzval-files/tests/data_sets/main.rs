@@ -453,6 +453,21 @@ fn the_files_of_pictures_are_checked() {
     assert_eq!((empty.defects.errors(), empty.defects.count(DefectKind::NoPicture)), (1, 1));
 }
 
+#[cfg(unix)]
+#[test]
+fn a_link_that_leads_nowhere_is_a_file_that_cannot_be_opened() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    std::fs::write(root.join("annotations.json"), GOOD).unwrap();
+    write_png(&root.join("a.png"), 40, 30);
+    std::os::unix::fs::symlink(root.join("nowhere.png"), root.join("b.png")).unwrap();
+    let mut loaded = load_coco(root, &Cancel::default()).unwrap();
+    check_pictures(&mut loaded, &|_| Ok(())).unwrap();
+    assert_eq!((loaded.data.images.len(), loaded.defects.errors()), (1, 1), "{:?}", loaded.defects);
+    let unopened = loaded.defects.iter().find(|d| d.kind == DefectKind::UnopenedPicture).unwrap();
+    assert!(unopened.first[0].contains("b.png: No such file"), "{unopened:?}");
+}
+
 #[test]
 fn a_picture_that_is_damaged_in_its_middle_is_found() {
     let folder = tempfile::tempdir().unwrap();

@@ -30,7 +30,7 @@ pub(super) fn photographs_of(place: &Path) -> Result<Option<Vec<StoredPicture>>>
     }
 }
 
-/// Decodes all photographs, and notes those that cannot be decoded, those that are too small, and files of one content.
+/// Decodes all photographs, and notes those that cannot be opened or decoded, those that are too small, and files of one content.
 pub(super) fn checked(
     place: &Path,
     pictures: &[StoredPicture],
@@ -49,8 +49,8 @@ pub(super) fn checked(
     for (((id, picture), size), digest) in (0..).zip(pictures).zip(sizes).zip(digests) {
         let (width, height) = match size {
             Ok(size) => size,
-            Err(error) => {
-                defects.add(DefectKind::UnreadablePicture, || error);
+            Err(unread) => {
+                defects.add(DefectKind::of_unread(&unread), || unread.message.clone());
                 continue;
             }
         };

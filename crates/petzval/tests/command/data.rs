@@ -97,7 +97,7 @@ fn small_photographs_and_broken_links_are_named() {
         "note, 2 times: A photograph is smaller than 126 pixels",
         "worst: c.png: 140 x 24 px",
         "b.png: 140 x 125 px",
-        "error, once: The file of a picture cannot be decoded",
+        "error, once: The file of a picture cannot be opened",
         "photos/d.png",
     ] {
         assert!(checked.stdout.contains(words), "{words}\n{}", checked.stdout);

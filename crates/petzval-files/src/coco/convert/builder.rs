@@ -13,6 +13,7 @@ use crate::coco::defect::{DefectKind, Defects, note_unread};
 use crate::coco::error::CocoError;
 use crate::coco::turned::{BoxesOf, boxes_of, turned};
 use crate::picture_file::{PictureHead, picture_head};
+use crate::picture_set::UnreadPicture;
 
 /// Folders that say nothing about a picture but that it is one.
 pub(super) const PLAIN_FOLDERS: [&str; 5] = ["images", "JPEGImages", "image_2", "data", "."];
@@ -61,7 +62,7 @@ pub(super) struct Builder {
     /// Whether boxes are of the pictures the right way up, as the caller says; it counts where the stated sizes leave that open.
     turned: Option<bool>,
     unread: BTreeMap<String, usize>,
-    /// The number of the picture in each file that was looked up; none if the file cannot be decoded.
+    /// The number of the picture in each file that was looked up; none if the file cannot be opened or decoded.
     taken: HashMap<PathBuf, Option<u64>>,
     names: HashSet<String>,
     /// Pictures that are left out with their labels.
@@ -114,7 +115,7 @@ impl Builder {
         id
     }
 
-    /// Adds a picture, or returns it if its file was added before; `None` if its file cannot be decoded, which is noted. Its name in the data set is
+    /// Adds a picture, or returns it if its file was added before; `None` if its file cannot be opened or decoded, which is noted. Its name in the data set is
     /// its path below `root`.
     pub fn picture(&mut self, root: &Path, path: &Path, split: Option<String>) -> Option<&mut Image> {
         if let Some(id) = self.taken.get(path) {
@@ -122,8 +123,8 @@ impl Builder {
             let place = self.data.images.binary_search_by_key(&(*id)?, |image| image.id).ok()?;
             return self.data.images.get_mut(place);
         }
-        let head = picture_head(path).inspect_err(|error| {
-            self.defects.add(DefectKind::UnreadablePicture, || error.to_string());
+        let head = picture_head(path).map_err(UnreadPicture::from).inspect_err(|unread| {
+            self.defects.add(DefectKind::of_unread(unread), || unread.message.clone());
             self.taken.insert(path.to_owned(), None);
         });
         let head = head.ok()?;
