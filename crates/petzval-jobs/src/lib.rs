@@ -62,6 +62,7 @@ pub mod run_all;
 pub mod run_figures;
 mod run_page;
 pub mod run_view;
+mod schema_range;
 pub mod sensor;
 mod settings;
 pub mod simulate;

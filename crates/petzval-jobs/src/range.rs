@@ -21,7 +21,7 @@ pub(crate) fn check_ranges(request: &impl Parameters) -> Result<()> {
 }
 
 /// An end of a range, without a row of zeros.
-fn short(end: f64) -> String {
+pub(crate) fn short(end: f64) -> String {
     let is_plain = end == 0.0 || (1e-3..1e7).contains(&end.abs());
     if is_plain { end.to_string() } else { format!("{end:e}") }
 }

@@ -132,10 +132,23 @@ fn check_is_of_a_job(source: &Source, job: &str) -> Result<()> {
         let hint = "what does not vary belongs to [request]; or name an experiment in place of the job";
         return Err(source.at(&[key], format!("the job `{job}` has no such key"), hint));
     }
-    row(job).map(|_| ()).map_err(|error| match error {
+    let row = row(job).map_err(|error| match error {
         JobError::Input { hint, .. } => source.at(&["job"], format!("there is no job `{job}`"), hint),
         other => other,
-    })
+    })?;
+    // What the sweep gives to the request of every unit, the request must have.
+    let schema = row.schema();
+    for (key, of_request, is_there) in
+        [("seeds", "seed", !file.seeds.is_empty()), ("device", "device", file.device.is_some())]
+    {
+        if is_there && schema.pointer(&format!("/properties/{of_request}")).is_none() {
+            let message = format!("the request of the job `{job}` has no key `{of_request}`");
+            let hint =
+                format!("leave `{key}` out; `petzval schema job {job}` prints what a request may hold");
+            return Err(source.at(&[key], message, hint));
+        }
+    }
+    Ok(())
 }
 
 /// A combination that is made a call.
@@ -223,6 +236,9 @@ impl Unresolved<'_> {
         // A request that does not fit its schema is refused here.
         let row = row(job)?;
         let complete = row.filled_in(request.clone()).map_err(|error| self.explained(error))?;
+        if let Some(wrong) = row.out_of_range(&request) {
+            return Err(self.at_request_key(&wrong.key, &wrong.message, wrong.hint.as_deref().unwrap_or("")));
+        }
         context.check(|| "stopped")?;
         // So is an input that no unit could read; one of many units is looked at once.
         for input in row.named_inputs(&complete)? {
@@ -245,9 +261,18 @@ impl Unresolved<'_> {
         };
         let end = "a relative path counts from the folder of the sweep";
         let hint = if hint.is_empty() { end.to_owned() } else { format!("{hint}; {end}") };
+        self.at_request_key(key, &message, &hint)
+    }
+
+    /// An error about a key path of the request: at the value that varies, in the list of seeds, or in the table of the request.
+    fn at_request_key(&self, key: &str, message: &str, hint: &str) -> JobError {
         let holds = |swept: &&SweptKey| key == swept.key || key.starts_with(&format!("{}.", swept.key));
         if let Some(swept) = self.expansion.keys.iter().find(holds) {
-            return self.at_key(&swept.key, &message, &hint);
+            return self.at_key(&swept.key, message, hint);
+        }
+        let seed = self.expansion.combinations[self.place].seed.filter(|_| key == "seed");
+        if let Some(place) = self.source.file.seeds.iter().position(|known| Some(*known) == seed) {
+            return self.source.at(&["seeds", &place.to_string()], message, hint);
         }
         let place: Vec<&str> = ["request"].into_iter().chain(key.split('.')).collect();
         self.source.at(&place, message, hint)

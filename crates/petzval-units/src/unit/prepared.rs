@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use petzval_base::FileError;
 use petzval_jobs::{CALL_FORMAT, Context, JobError, NOWHERE, Result, Row, row};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
@@ -31,8 +32,8 @@ impl Prepared {
     /// files that an experiment names, whether the experiment is a file or stands in the request as TOML. Threads and the folder of results do
     /// not count, nor does the folder in which inputs lie.
     ///
-    /// Fails if the call is of another form, if the request does not fit its schema, or if a seed is given and the job draws nothing at random. Fails
-    /// if an input cannot be read, or if the unit has a key and it is another one.
+    /// Fails if the call is of another form, if the request does not fit its schema or has a number out of range, or if a seed is given and the
+    /// job draws nothing at random. Fails if an input cannot be read, or if the unit has a key and it is another one.
     pub fn new(unit: &Unit, context: &Context, digests: &Digests) -> Result<Self> {
         let named = |error: JobError| match error {
             JobError::Input { message, hint } => {
@@ -95,6 +96,11 @@ fn changed(inputs: &[InputDigest]) -> JobError {
 /// The request with every default, the seed of the unit, and nowhere to write to.
 fn complete(unit: &Unit, row: &Row) -> Result<Value> {
     let request = row.filled_in(unit.call.request.clone())?;
+    if let Some(wrong) = row.out_of_range(&unit.call.request) {
+        let hint = wrong.hint.clone().unwrap_or_default();
+        let wrong = FileError { hint: None, ..wrong };
+        return Err(JobError::input(format!("request of {}: {wrong}", row.name), hint));
+    }
     let request = match unit.seed {
         None => request,
         Some(seed) => row.seeded(request, seed)?.ok_or_else(|| {

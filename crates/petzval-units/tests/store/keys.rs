@@ -173,6 +173,14 @@ fn a_unit_that_cannot_be_run_is_refused_with_its_name_and_key() {
         ),
         (Unit { seed: Some(1), ..of("lens-list", json!({})) }, "draws nothing at random"),
         (
+            of("lens-tolerance", json!({"lens": "cooke-triplet-nominal", "trials": 5_000_000})),
+            "unit \"u 1\": request of lens-tolerance: `trials = 5000000`: must lie between ",
+        ),
+        (
+            of("lens-trace", json!({"lens": "a", "field": 1, "wavelength": 550, "pupil": [0, 1]})),
+            "did you mean 0.55?",
+        ),
+        (
             Unit {
                 call: Call { format: 2, ..Call::new("lens-list", json!({})) },
                 ..of("lens-list", json!({}))

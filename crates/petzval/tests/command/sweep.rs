@@ -111,6 +111,27 @@ fn what_is_wrong_is_refused_with_its_place_and_nothing_is_written() {
             "experiment = \"tiny.toml\"\nthreads = 100000\n",
             &["s.toml:2:11: `threads = 100000`: more than 1024"],
         ),
+        // Numbers of a job outside their ranges: one that varies, and one of every unit.
+        (
+            "job = \"lens-tolerance\"\n[request]\nlens = \"cooke-triplet-nominal\"\n[grid]\ntrials = [10, 5000000]\n",
+            &["s.toml:5:15: `trials = 5000000`: unit ", "must lie between 0 and 1000000"],
+        ),
+        (
+            "job = \"lens-trace\"\n[request]\nlens = \"cooke-triplet-nominal\"\nwavelength = 550\npupil = [0, 1]\n[grid]\nfield = [1, 2]\n",
+            &["s.toml:4:14: `wavelength = 550`: must lie between 0.2 and 20", "did you mean 0.55?"],
+        ),
+        // What the request of the job has no key for.
+        (
+            "job = \"lens-show\"\nseeds = [1, 2]\n[grid]\nlens = [\"cooke-triplet-nominal\"]\n",
+            &[
+                "s.toml:2:9: `seeds = [1, 2]`: the request of the job `lens-show` has no key `seed`",
+                "leave `seeds` out",
+            ],
+        ),
+        (
+            "job = \"lens-show\"\ndevice = \"cpu\"\n[grid]\nlens = [\"cooke-triplet-nominal\"]\n",
+            &["s.toml:2:10: `device = \"cpu\"`: the request of the job `lens-show` has no key `device`"],
+        ),
     ] {
         write(folder.path(), "s.toml", text);
         run_fails(folder.path(), &["sweep", "s.toml", "--store", "store"], 2, needles);
