@@ -98,14 +98,14 @@ pub fn figures_that_vary(gathered: &Gathered) -> Vec<usize> {
     chosen
 }
 
-/// Whether a figure differs between units and does not repeat a key, as the seed of a response does.
+/// Whether two of the values that units have of a figure differ, and it does not repeat a key, as the seed of a response does.
 fn varies(gathered: &Gathered, k: usize) -> bool {
-    let values = || gathered.units.iter().map(|unit| unit.figures[k]);
+    let values = || gathered.units.iter().filter_map(|unit| unit.figures[k]);
     let repeats = |key: usize| {
         gathered
             .units
             .iter()
-            .all(|unit| unit.figures[k].is_some() && unit.values[key].as_f64() == unit.figures[k])
+            .all(|unit| unit.figures[k].is_none_or(|value| unit.values[key].as_f64() == Some(value)))
     };
     values().any(|value| Some(value) != values().next()) && !(0..gathered.keys.len()).any(repeats)
 }

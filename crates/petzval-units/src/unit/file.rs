@@ -27,11 +27,15 @@ impl UnitFile {
                 "give a file of units: one in each line, as JSON",
             )
         })?;
-        Self::parse(&text).map_err(|error| JobError::File { path: path.to_owned(), error: Box::new(error) })
+        let mut file = Self::parse(&text)
+            .map_err(|error| JobError::File { path: path.to_owned(), error: Box::new(error) })?;
+        file.units.iter_mut().for_each(|unit| unit.origin.file = Some(path.to_owned()));
+        Ok(file)
     }
 
     /// Reads the text of a file. Empty lines and a byte order mark are skipped.
     pub fn parse(text: &str) -> Result<Self, UnitFileError> {
+        let hint = "a unit is {\"name\": NAME, \"call\": {\"format\": 1, \"job\": JOB, \"request\": {...}}}, on one line";
         let mut units: Vec<Unit> = Vec::new();
         let mut lines = HashMap::new();
         for (number, line) in (1..).zip(text.trim_start_matches('\u{feff}').lines()) {
@@ -43,9 +47,8 @@ impl UnitFile {
                 hint: Some(hint.to_owned()),
                 ..FileError::of_value(key, &message)
             };
-            let hint = "a unit is {\"name\": NAME, \"call\": {\"format\": 1, \"job\": JOB, \"request\": {...}}}, on one line";
             let mut read = serde_json::Deserializer::from_str(line);
-            let unit: Unit = serde_path_to_error::deserialize(&mut read)
+            let mut unit: Unit = serde_path_to_error::deserialize(&mut read)
                 .map_err(|e| wrong(&e.path().to_string(), e.inner().to_string(), hint))?;
             read.end().map_err(|e| wrong(".", e.to_string(), hint))?;
             check_name(&unit.name).map_err(|message| wrong("name", message, "give it a short name"))?;
@@ -53,10 +56,11 @@ impl UnitFile {
                 let message = format!("\"{}\" is the name of the unit in line {other} as well", unit.name);
                 return Err(wrong("name", message, "give each unit a name of its own"));
             }
+            unit.origin.line = Some(number);
             units.push(unit);
         }
         if units.is_empty() {
-            return Err(FileError::of_value(".", "the file holds no unit"));
+            return Err(FileError::of_value(".", "the file holds no unit").hint(hint));
         }
         Ok(Self { units })
     }

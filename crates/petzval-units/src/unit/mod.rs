@@ -4,9 +4,11 @@
 mod digest;
 mod file;
 mod key;
+mod origin;
 mod prepared;
 mod shard;
 
+use petzval_base::FileError;
 use petzval_base::simd::{level, widest};
 use petzval_jobs::{Call, JobError, Result};
 use schemars::{JsonSchema, schema_for};
@@ -16,6 +18,7 @@ use serde_json::Value;
 pub use digest::{Digests, InputDigest};
 pub use file::{UnitFile, UnitFileError, read_units};
 pub use key::Key;
+pub use origin::Origin;
 pub use prepared::Prepared;
 pub use shard::{Shard, ShardSource, shard_of_environment};
 
@@ -49,6 +52,9 @@ pub struct Unit {
     /// Its key when the file was made, as a sweep writes it. A unit whose inputs have changed since is refused.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub key: Option<Key>,
+    /// Where it was read.
+    #[serde(skip)]
+    pub origin: Origin,
 }
 
 fn usual_simd() -> String {
@@ -62,7 +68,25 @@ fn program() -> String {
 impl Unit {
     /// A unit of this program with the usual instruction set, whose seed is that of the request.
     pub fn new(name: impl Into<String>, call: Call) -> Self {
-        Self { name: name.into(), call, seed: None, simd: usual_simd(), version: program(), key: None }
+        Self {
+            name: name.into(),
+            call,
+            seed: None,
+            simd: usual_simd(),
+            version: program(),
+            key: None,
+            origin: Origin::default(),
+        }
+    }
+
+    /// The error of a unit that cannot be run, with its name. It names file and line where the unit was read from a file.
+    pub(crate) fn refused(&self, message: &str, hint: impl Into<String>) -> JobError {
+        let message = format!("unit \"{}\": {message}", self.name);
+        let Some(file) = &self.origin.file else { return JobError::input(message, hint) };
+        let hint = Some(hint.into()).filter(|hint| !hint.is_empty());
+        let (key, value) = (String::new(), String::new());
+        let error = FileError { line: self.origin.line, column: None, key, value, message, hint };
+        JobError::File { path: file.clone(), error: Box::new(error) }
     }
 
     /// The JSON Schema of a unit.
@@ -75,11 +99,8 @@ impl Unit {
         if self.version == PROGRAM {
             return Ok(());
         }
-        Err(JobError::input(
-            format!(
-                "unit \"{}\": `version` is {}, and this program is Petzval {PROGRAM}",
-                self.name, self.version
-            ),
+        Err(self.refused(
+            &format!("`version` is {}, and this program is Petzval {PROGRAM}", self.version),
             "its result would be another one: run it with that version, or make the units again",
         ))
     }
@@ -90,8 +111,8 @@ impl Unit {
             "avx2" => Ok("avx2"),
             "scalar" => Ok("scalar"),
             "avx512" | "neon" => Ok("best"),
-            other => Err(JobError::input(
-                format!("unit \"{}\": `simd` is {other}: there is no such instruction set", self.name),
+            other => Err(self.refused(
+                &format!("`simd` is {other}: there is no such instruction set"),
                 "write avx2, avx512, neon or scalar",
             )),
         }
@@ -104,8 +125,7 @@ impl Unit {
             return Ok(());
         }
         let message = format!(
-            "unit \"{}\": `simd` is {}, and this process computes with {}; the widest of this machine is {}",
-            self.name,
+            "`simd` is {}, and this process computes with {}; the widest of this machine is {}",
             self.simd,
             level(),
             widest()
@@ -114,6 +134,6 @@ impl Unit {
             "start the process with PETZVAL_SIMD={variable}; where the machine lacks {}, run the unit on another one, or give it the level of this one",
             self.simd
         );
-        Err(JobError::input(message, hint))
+        Err(self.refused(&message, hint))
     }
 }

@@ -36,9 +36,9 @@ impl Prepared {
     /// job draws nothing at random. Fails if an input cannot be read, or if the unit has a key and it is another one.
     pub fn new(unit: &Unit, context: &Context, digests: &Digests) -> Result<Self> {
         let named = |error: JobError| match error {
-            JobError::Input { message, hint } => {
-                JobError::input(format!("unit \"{}\": {message}", unit.name), hint)
-            }
+            JobError::Input { message, hint } => unit.refused(&message, hint),
+            JobError::Setting { ref hint, .. } => unit.refused(&error.to_string(), hint),
+            // What is wrong in a file that the unit names is shown there.
             other => other,
         };
         Self::of(unit, context, digests).map_err(named)

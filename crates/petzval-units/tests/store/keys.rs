@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use petzval_jobs::{Call, row};
+use petzval_jobs::{Call, JobError, row};
 use petzval_units::unit::{Digests, PROGRAM, Prepared, Unit, UnitFile};
 use serde_json::{Value, json};
 
@@ -221,7 +221,25 @@ fn a_file_of_units_names_the_line_and_the_key_that_is_wrong() {
         assert_eq!(error.line, Some(2));
         assert!(error.to_string().contains(says), "{error}");
     }
-    assert!(UnitFile::parse("\n").is_err());
+    assert!(UnitFile::parse("\n").unwrap_err().hint.unwrap().starts_with("a unit is {"));
+    // So does a unit that cannot be run.
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("units.jsonl");
+    let wrong = line.replace("\"a\"", "\"b\"").replace("lens-list", "lens-show");
+    std::fs::write(&path, format!("{line}\n\n{wrong}\n")).unwrap();
+    let mut unit = UnitFile::read(&path).unwrap().units.remove(1);
+    let place = |error: JobError| {
+        let report = error.report();
+        let place = report.place.unwrap();
+        assert!(report.message.starts_with("unit \"b\": ") && !report.hint.is_empty(), "{}", report.message);
+        (place.path, place.line)
+    };
+    let error = Prepared::new(&unit, &context(), &Digests::default()).unwrap_err();
+    assert_eq!(place(error), (Some(path.clone()), Some(3)));
+    unit.version = "0.0.1".to_owned();
+    unit.simd = "sse9".to_owned();
+    assert_eq!(place(unit.check_version().unwrap_err()), (Some(path.clone()), Some(3)));
+    assert_eq!(place(unit.check_level().unwrap_err()), (Some(path), Some(3)));
     let missing = file.named(Path::new("units.jsonl"), &["aa".to_owned()]).unwrap_err();
     assert!(missing.to_string().contains("units.jsonl has no unit of this name"), "{missing}");
 }

@@ -124,12 +124,12 @@ fn what_cannot_be_run_is_named_before_anything_is_written() {
         run_fails(folder.path(), &args, 2, needles);
     };
     let wrong = line("w", "lens-show", json!({"lenz": 1}));
-    refused(&[ray("a", 0.0), wrong], &["--no-wait"], &["unit \"w\"", "lenz"]);
+    refused(&[ray("a", 0.0), wrong], &["--no-wait"], &["units.jsonl:2", "unit \"w\"", "lenz"]);
     refused(&[ray("a", 0.0), ray("a", 1.0)], &[], &["units.jsonl:2", "`name`", "line 1"]);
     refused(&[ray("a", 0.0)], &["--name", "b"], &["--name b", "no unit of this name"]);
     refused(&[ray("a", 0.0)], &["--shard", "2/2"], &["0/4 to 3/4"]);
     let versioned = ray("a", 0.0).replacen('{', "{\"version\": \"0.0.1\", ", 1);
-    refused(&[versioned], &[], &["`version` is 0.0.1"]);
+    refused(&[versioned], &[], &["units.jsonl:1", "`version` is 0.0.1"]);
     let foreign = if cfg!(target_arch = "aarch64") { "avx2" } else { "neon" };
     let other = ray("a", 0.0).replacen('{', &format!("{{\"simd\": \"{foreign}\", "), 1);
     refused(&[other], &[], &[foreign, "the widest of this machine"]);

@@ -38,8 +38,9 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let context = context(&args.file, terminal)?;
     let digests = Digests::default();
     let prepared = |unit| Prepared::new(unit, &context, &digests);
-    let all = file.units.iter().map(prepared).collect::<Result<Vec<_>, _>>()?;
+    let all = file.units.iter().map(prepared).collect::<Result<Vec<_>, _>>();
     drop(context);
+    let all = all?;
     print_response(args.json, &all.iter().map(listed).collect::<Vec<_>>(), || {
         for Prepared { unit, key, .. } in &all {
             outln!("{}  {:<20} {}", key.short(), unit.call.job, plain::message(&unit.name));
