@@ -48,6 +48,8 @@ pub struct SweepRow {
     pub figures: Vec<SweepFigure>,
     /// Which of the figures are the best of their column.
     pub best: Vec<bool>,
+    /// What the job says of its result in words, such as the fate of a ray. The table has a column for it if a row has any.
+    pub status: String,
 }
 
 /// A figure of a row.
@@ -118,6 +120,8 @@ fn table(sweep: &SweepView) -> Markup {
     }
     columns.push(Column::new("units"));
     columns.extend(figures);
+    let has_status = sweep.rows.iter().any(|row| !row.status.is_empty());
+    columns.extend(has_status.then(|| Column::new("status").note()));
     let rows = sweep.rows.iter().map(|row| {
         let camera = has_cameras.then(|| html! { (row.camera) });
         let values = row.values.iter().map(|value| html! { (value) });
@@ -133,6 +137,7 @@ fn table(sweep: &SweepView) -> Markup {
                 @if !of.range.is_empty() { span.range { (of.range) } }
             }
         }));
+        cells.extend(has_status.then(|| html! { (row.status) }));
         Row::new(cells.remove(0), cells)
     });
     html! {
@@ -179,6 +184,7 @@ mod tests {
             units: 2,
             figures: vec![figure(mean, "27.0 to 27.4"), figure("-", "")],
             best: vec![is_best, false],
+            status: if is_best { "ok".into() } else { "missed surface 3".into() },
         };
         SweepView {
             title: "A <sweep>".into(),
@@ -221,6 +227,7 @@ mod tests {
             "<code>psf.grid_cells</code>",
             "<strong>27.2 ± 0.2</strong>",
             "27.0 to 27.4",
+            "missed surface 3",
             "class=\"points\"",
             "grid=64",
             "no light &lt;b&gt;",

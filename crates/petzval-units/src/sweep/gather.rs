@@ -68,6 +68,9 @@ pub struct UnitResult {
     pub seed: Option<u64>,
     /// Every figure; none where it has no value.
     pub figures: Vec<Option<f64>>,
+    /// What the job says of its result in the key `status` of its response, such as the fate of a ray; empty where it says nothing.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub status: String,
     /// Folder of the files of the unit, if its job wrote some.
     #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub files: Option<PathBuf>,
@@ -88,6 +91,9 @@ pub struct GatheredRow {
     pub units: Vec<String>,
     /// Every figure; none where no unit has it.
     pub figures: Vec<Option<Spread>>,
+    /// What its units say of their results, each status once.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub status: String,
 }
 
 /// The results of a sweep.
@@ -123,6 +129,7 @@ pub fn gather(sweep: &KeptSweep, root: &Path, status: SweepStatus, cancel: &Canc
             values: unit.values.clone(),
             seed: unit.seed,
             figures: Vec::new(),
+            status: result.response["status"].as_str().unwrap_or_default().to_owned(),
             files: store.files(&result),
             cpu_seconds: result.cost.all_cpu_seconds,
         };
@@ -269,6 +276,7 @@ fn rows(units: &[UnitResult], figures: usize) -> Vec<GatheredRow> {
             values: unit.values.clone(),
             units: Vec::new(),
             figures: Vec::new(),
+            status: String::new(),
         };
         groups.push((row, vec![unit]));
     }
@@ -277,9 +285,21 @@ fn rows(units: &[UnitResult], figures: usize) -> Vec<GatheredRow> {
         .map(|(row, of_row)| GatheredRow {
             units: of_row.iter().map(|unit| unit.unit.clone()).collect(),
             figures: (0..figures).map(|k| spread(of_row.iter().filter_map(|unit| unit.figures[k]))).collect(),
+            status: each_once(of_row.iter().map(|unit| unit.status.as_str())).join("; "),
             ..row
         })
         .collect()
+}
+
+/// Texts in their order, each once; empty ones are left out.
+fn each_once<'t>(texts: impl Iterator<Item = &'t str>) -> Vec<&'t str> {
+    let mut found = Vec::new();
+    for text in texts.filter(|text| !text.is_empty()) {
+        if !found.contains(&text) {
+            found.push(text);
+        }
+    }
+    found
 }
 
 /// Mean, standard deviation and range; none of no values.
@@ -351,6 +371,11 @@ impl Gathered {
         csv_text([head.collect::<Vec<_>>()].into_iter().chain(self.units.iter().map(row)))
     }
 
+    /// Whether results differ in what their jobs say of them in words.
+    pub fn has_several_statuses(&self) -> bool {
+        each_once(self.units.iter().map(|unit| unit.status.as_str())).len() > 1
+    }
+
     /// Whether the mean of a row is the best of its column among cameras that are no ceiling; no figure without a direction is.
     pub fn is_best(&self, row: &GatheredRow, k: usize) -> bool {
         let Some(higher) = self.figures[k].higher_is_better else { return false };
@@ -381,6 +406,7 @@ mod tests {
             values: vec![json!(grid), json!("a, b")],
             seed: Some(1),
             figures: vec![psnr, Some(1.0)],
+            status: String::new(),
             files: None,
             cpu_seconds: 2.5,
         }

@@ -42,12 +42,14 @@ pub fn view(gathered: &Gathered, choice: &Choice, again: &str) -> Result<SweepVi
         let FigureColumn { title, unit, .. } = &gathered.figures[*k];
         (title.clone(), unit.replace("um", "µm"))
     });
+    let has_statuses = gathered.has_several_statuses();
     let row = |row: &GatheredRow| SweepRow {
         camera: row.camera.clone(),
         values: row.values.iter().map(in_words).collect(),
         units: row.units.len(),
         figures: shown.iter().map(|k| cell(&gathered.figures[*k], row.figures[*k])).collect(),
         best: shown.iter().map(|k| gathered.is_best(row, *k)).collect(),
+        status: if has_statuses { row.status.clone() } else { String::new() },
     };
     let failed = gathered.status.units.iter().filter(|unit| unit.has_error());
     let cpu: f64 = gathered.status.units.iter().filter_map(|unit| unit.cpu_seconds).sum();
@@ -190,14 +192,12 @@ fn figure(gathered: &Gathered, name: &str, setting: &'static str) -> Result<usiz
     let by_last: Vec<usize> = (0..names.len()).filter(|k| last(&names[*k]) == name).collect();
     let only = if let [one] = by_last[..] { Some(one) } else { None };
     names.iter().position(|known| *known == name).or(only).ok_or_else(|| {
+        let keys = gathered.keys.iter().map(String::as_str).filter(|key| !names.contains(key));
+        let all: Vec<&str> = names.iter().copied().chain(keys).collect();
         let short: Vec<String> = names.iter().map(last).collect();
-        let all: Vec<&str> = names
-            .iter()
-            .copied()
-            .chain(gathered.keys.iter().map(String::as_str))
-            .chain(short.iter().map(String::as_str))
-            .collect();
-        let near = nearest(name, &all).map(|near| format!("did you mean `{near}`? ")).unwrap_or_default();
+        let spellings: Vec<&str> = all.iter().copied().chain(short.iter().map(String::as_str)).collect();
+        let near =
+            nearest(name, &spellings).map(|near| format!("did you mean `{near}`? ")).unwrap_or_default();
         JobError::setting(
             setting,
             name,
@@ -436,6 +436,7 @@ mod tests {
             values: vec![serde_json::json!(seed), serde_json::json!(grade)],
             seed: None,
             figures: [yielded, estimate, 35.0 + yielded, seed as f64, 50.0].map(Some).to_vec(),
+            status: String::new(),
             files: None,
             cpu_seconds: 0.1,
         };
@@ -469,6 +470,35 @@ mod tests {
         assert_eq!(scatter.names, ["key grade", "yield at the limit"]);
         assert_eq!(scatter.x_words, ["commercial", "high"]);
         assert_eq!(scatter.groups[0].at, [[0.0, 0.5], [0.0, 0.75], [1.0, 0.875], [1.0, 1.0]]);
+    }
+
+    #[test]
+    fn a_missing_value_is_no_other_value_and_the_status_says_why() {
+        let mut gathered = tolerances();
+        // The last unit has no result but a word, as a ray that is lost.
+        let lost = gathered.units.last_mut().unwrap();
+        lost.figures = vec![None; 5];
+        lost.status = "missed surface 3".to_owned();
+        gathered.units[0].status = "ok".to_owned();
+        let row = |unit: &UnitResult| GatheredRow {
+            camera: String::new(),
+            is_ceiling: false,
+            values: unit.values.clone(),
+            units: vec![unit.unit.clone()],
+            figures: vec![None; 5],
+            status: unit.status.clone(),
+        };
+        gathered.rows = gathered.units.iter().map(row).collect();
+        assert_eq!(figures_that_vary(&gathered), [0, 1, 2], "`trials` is 50 wherever it has a value");
+        let view = view(&gathered, &Choice::default(), "").unwrap();
+        assert_eq!(view.rows[3].status, "missed surface 3");
+    }
+
+    #[test]
+    fn a_wrong_name_lists_every_figure_once() {
+        let gathered = tolerances();
+        let error = figure(&gathered, "nope", "figure").unwrap_err().report();
+        assert_eq!(error.hint, "there are yield at the limit, estimate, mean, seed, trials, grade");
     }
 
     #[test]

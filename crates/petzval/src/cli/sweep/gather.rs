@@ -79,7 +79,9 @@ fn table(gathered: &Gathered) -> String {
     let figures: Vec<usize> = figures_that_vary(gathered).into_iter().take(SHOWN).collect();
     let heads = gathered.keys.iter().map(String::as_str).chain(["camera", "units"]);
     let named = figures.iter().map(|k| gathered.figures[*k].name.as_str());
-    let heads: Vec<String> = heads.chain(named).map(|head| plain::line(head).into_owned()).collect();
+    let has_statuses = gathered.has_several_statuses();
+    let heads = heads.chain(named).chain(has_statuses.then_some("status"));
+    let heads: Vec<String> = heads.map(|head| plain::line(head).into_owned()).collect();
     let mut table = TextTable::new(heads.iter().map(String::as_str));
     for row in &gathered.rows {
         let cells = figures.iter().map(|k| {
@@ -91,6 +93,7 @@ fn table(gathered: &Gathered) -> String {
         });
         let camera = if row.camera.is_empty() { "-".to_owned() } else { row.camera.clone() };
         let cells = row.values.iter().map(in_words).chain([camera, row.units.len().to_string()]).chain(cells);
+        let cells = cells.chain(has_statuses.then(|| row.status.clone()));
         table.row(cells.map(|cell| plain::line(&cell).into_owned()));
     }
     table.text()
