@@ -2,14 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
+use petzval_base::FileError;
 use schemars::{JsonSchema, schema_for};
+use serde::de::{DeserializeOwned, IgnoredAny};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::context::Context;
 use crate::error::{JobError, Result};
 use crate::glass::context_with;
-use crate::job::Row;
+use crate::job::{Row, joined};
 use crate::keys::error_in_keys;
 use crate::table::jobs;
 use crate::threads::MOST_THREADS;
@@ -83,18 +85,23 @@ impl Call {
         let text = text.trim_start_matches('\u{feff}');
         let hint =
             "a call is {\"format\": 1, \"job\": NAME, \"request\": {...}}; `petzval jobs` lists the names";
-        let refused = |error: serde_json::Error| JobError::input(format!("call: {error}"), hint);
+        // A list would be read as the values of the keys in their order.
+        serde_json::from_str::<IgnoredAny>(text)
+            .map_err(|error| JobError::input(format!("call: {error}"), hint))?;
+        if !text.trim_start().starts_with('{') {
+            return Err(JobError::input("call: expected an object", hint));
+        }
         // A later form may have other keys: which form it is comes first.
         #[derive(Deserialize)]
         struct Form {
             format: u32,
         }
-        let Form { format } = serde_json::from_str(text).map_err(refused)?;
+        let Form { format } = read(text, hint)?;
         if format != CALL_FORMAT {
             let hint = format!("this program reads and writes format {CALL_FORMAT}");
             return Err(JobError::input(format!("call: format {format} is not known"), hint));
         }
-        serde_json::from_str(text).map_err(refused)
+        read(text, hint)
     }
 
     /// Makes it. Its glasses take precedence over those of the context. In a context without a command line, results name the job. Events and
@@ -150,6 +157,17 @@ impl Call {
     }
 }
 
+/// Reads a part of a call. The error names the key, the line and the column.
+fn read<T: DeserializeOwned>(text: &str, of_calls: &str) -> Result<T> {
+    serde_path_to_error::deserialize(&mut serde_json::Deserializer::from_str(text)).map_err(|error| {
+        let said = error.inner().to_string();
+        let (message, place) = said.rfind(" at line ").map_or((said.as_str(), ""), |at| said.split_at(at));
+        let found = FileError::of_value(&error.path().to_string(), message);
+        let hint = joined(found.hint.as_deref(), of_calls);
+        JobError::input(format!("call: {}{place}", FileError { hint: None, ..found }), hint)
+    })
+}
+
 /// The row of a name. The error says which names come near.
 pub fn row(name: &str) -> Result<&'static Row> {
     jobs().iter().find(|row| row.name == name).ok_or_else(|| {
@@ -172,11 +190,28 @@ mod tests {
         let text = r#"{"format": 1, "job": "lens-list", "request": {"a": {"b": 1}}}"#;
         assert_eq!(Call::parse(&format!("\u{feff}{text}")).unwrap(), Call::parse(text).unwrap());
         for (once, twice, key) in [
-            (r#""b": 1"#, r#""b": 1, "b": 2"#, "call: duplicate key `b` at line 1"),
+            (r#""b": 1"#, r#""b": 1, "b": 2"#, "duplicate key `b` at line 1"),
             (r#""job""#, r#""job": "lens-show", "job""#, "duplicate field `job`"),
         ] {
             let error = Call::parse(&text.replace(once, twice)).unwrap_err().to_string();
             assert!(error.contains(key), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_call_that_cannot_be_read_names_the_key_and_says_what_to_write() {
+        let with = |more: &str| format!("{{\"format\": 1, \"job\": \"lens-list\", {more}}}");
+        for (text, says, hints) in [
+            ("[1, 2]".to_owned(), "call: expected an object", "a call is {"),
+            (with("\"threads\": -2"), "call: `threads`: -2: expected a number from 0", "whole number"),
+            (with("\"treads\": 2"), "call: `treads`: no such key here at line 1", "did you mean `threads`?"),
+            (with("\"threads\": 1e400"), "call: `threads`: number out of range at line 1", "a call is {"),
+            (with("\"request\": {\"a\": 1e400}"), "call: `request.a`: number out of range", "a call is {"),
+            ("{\"format\": 1".to_owned(), "call: EOF", "a call is {"),
+        ] {
+            let report = Call::parse(&text).unwrap_err().report();
+            assert!(report.message.starts_with(says), "{}", report.message);
+            assert!(report.hint.contains(hints), "{}", report.hint);
         }
     }
 }

@@ -155,6 +155,13 @@ fn schema<J: Job>() -> Value {
     let mut schema = schema_for!(J::Request).to_value();
     if let (Some(keys), false) = (schema.as_object_mut(), J::NEEDS.is_empty()) {
         keys.insert("required".to_owned(), J::NEEDS.into());
+        // What a request must hold has no default, whatever the type has.
+        for key in J::NEEDS {
+            let property = keys.get_mut("properties").and_then(|all| all.get_mut(*key));
+            if let Some(property) = property.and_then(Value::as_object_mut) {
+                property.remove("default");
+            }
+        }
     }
     schema
 }
@@ -168,16 +175,17 @@ fn response_schema<J: Job>() -> Value {
         .to_value()
 }
 
+/// A hint about a key, and where to read more.
+pub(crate) fn joined(hint: Option<&str>, more: &str) -> String {
+    let Some(hint) = hint else { return more.to_owned() };
+    let end = if hint.ends_with(['?', '.', '!']) { "" } else { ";" };
+    format!("{hint}{end} {more}")
+}
+
 fn request<J: Job>(request: Value) -> Result<J::Request> {
     let known = format!("`petzval schema job {}` prints what a request may hold", J::NAME);
     let refused = |error: FileError| {
-        let hint = error.hint.as_ref().map_or_else(
-            || known.clone(),
-            |hint| {
-                let end = if hint.ends_with(['?', '.', '!']) { "" } else { ";" };
-                format!("{hint}{end} {known}")
-            },
-        );
+        let hint = joined(error.hint.as_deref(), &known);
         JobError::input(format!("request of {}: {}", J::NAME, FileError { hint: None, ..error }), hint)
     };
     if !J::NEEDS.is_empty() && !request.is_object() {

@@ -44,6 +44,8 @@ fn every_row_has_a_stored_call_whose_request_it_reads() {
         let schema = row.schema();
         assert_eq!(schema["$schema"], "https://json-schema.org/draft/2020-12/schema", "{}", call.job);
         for key in schema.get("required").and_then(Value::as_array).into_iter().flatten() {
+            let property = &schema["properties"][key.as_str().unwrap()];
+            assert!(property.get("default").is_none(), "{}: {key} is required and has a default", call.job);
             let mut without = call.request.clone();
             without.as_object_mut().unwrap().remove(key.as_str().unwrap()).unwrap();
             let error = row.filled_in(without).unwrap_err();

@@ -148,10 +148,11 @@ pub struct SchemaArgs {
 /// Runs the verb.
 pub fn schema(args: SchemaArgs, terminal: &Terminal) -> Result<Code, Failure> {
     if let (Some(job), false) = (&args.job, args.kind == Kind::Job) {
-        return Err(Failure::input(
-            format!("{job}: only the schema of a job has a name"),
-            format!("petzval schema job {job}"),
-        ));
+        let hint = match row(job) {
+            Ok(_) => format!("petzval schema job {job}"),
+            Err(_) => "leave the name out".to_owned(),
+        };
+        return Err(Failure::input(format!("{job}: only the schema of a job has a name"), hint));
     }
     if args.response && args.kind != Kind::Job {
         return Err(Failure::input(

@@ -87,6 +87,20 @@ fn a_schema_gives_type_range_unit_default_and_meaning_of_a_number() {
 }
 
 #[test]
+fn only_a_job_has_a_schema_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let advice = [("lens-show", "petzval schema job lens-show"), ("foo", "leave the name out")];
+    for (name, hint) in advice {
+        run_fails(
+            folder.path(),
+            &["schema", "experiment", name],
+            2,
+            &["only the schema of a job has a name", hint],
+        );
+    }
+}
+
+#[test]
 fn a_schema_refuses_variants_that_the_reader_refuses() {
     let schema = schema("experiment");
     assert_eq!(schema["properties"]["variant"]["minItems"], 1);
