@@ -19,22 +19,43 @@ fn sentence(standing: &Standing) -> String {
     let (best, score) = (standing.best, standing.about());
     let others = if best == standing.baseline { Some(standing.subject) } else { Some(standing.baseline) };
     let others = others.into_iter().chain(standing.runner_up);
-    let over = others.map(|other| {
+    let equals = equals(standing);
+    let over = others.filter(|other| !equals.contains(other)).map(|other| {
         let amount = signed_amount(standing, standing.difference(best, other));
         format!("{amount} over {}", standing.name(other))
     });
+    let over = over.collect::<Vec<_>>().join(", ");
+    let over = if over.is_empty() { over } else { format!(": {over}") };
     let highest = if score.higher_is_better { "highest" } else { "best (lowest)" };
     let after = standing.report.short.map(|short| format!(" after {}", short.in_words())).unwrap_or_default();
     let head = format!(
-        "{} scores {highest} in {}{after}: {}",
-        capitalised(standing.name(best)),
+        "{} {highest} in {}{after}{over}",
+        capitalised(&leaders_score(standing, &equals)),
         title(&score.title),
-        over.collect::<Vec<_>>().join(", ")
     );
     match places_in_words(standing) {
         Some(places) => format!("{head}; {places}.{}", other_leaders(standing)),
         None => format!("{head}.{}", other_leaders(standing)),
     }
+}
+
+/// The cameras whose score is that of the best, to the last digit; those with a ceiling lens are left out.
+fn equals(standing: &Standing) -> Vec<usize> {
+    let table = &standing.report.table;
+    (0..table.len())
+        .filter(|camera| *camera != standing.best && !table[*camera].is_ceiling)
+        .filter(|camera| standing.difference(standing.best, *camera).value == 0.0)
+        .collect()
+}
+
+/// Subject and verb: `nominal scores`; of several that are equal, `nominal and end-to-end both score`.
+fn leaders_score(standing: &Standing, equals: &[usize]) -> String {
+    let best = standing.name(standing.best);
+    let Some((last, between)) = equals.split_last() else { return format!("{best} scores") };
+    let before: Vec<&str> =
+        [best].into_iter().chain(between.iter().map(|camera| standing.name(*camera))).collect();
+    let all = if between.is_empty() { "both" } else { "all" };
+    format!("{} and {} {all} score", before.join(", "), standing.name(*last))
 }
 
 /// The scores by which another camera is the best, as the bold figures of the table show: ` By SSIM, nominal is best.`
@@ -268,6 +289,22 @@ mod tests {
         report.table[0].is_ceiling = true;
         report.table[1].scores[2] = 0.88;
         assert!(!said(&report).contains(" By "), "{}", said(&report));
+    }
+
+    #[test]
+    fn cameras_that_are_equal_share_the_first_place() {
+        let mut report = sample::report();
+        report.table[0].scores[1] = report.table[2].scores[1];
+        let others = "over spot-optimised";
+        let both = said(&report);
+        assert!(both.starts_with("Nominal and end-to-end both score highest in PSNR: +0.53 dB "), "{both}");
+        assert!(both.contains(others) && !both.contains("over end-to-end"), "{both}");
+        report.table[1].scores[1] = report.table[2].scores[1];
+        let all = said(&report);
+        assert!(
+            all.starts_with("Nominal, spot-optimised and end-to-end all score highest in PSNR."),
+            "{all}"
+        );
     }
 
     #[test]
