@@ -410,8 +410,10 @@ impl DesignLoop {
         let text = DesignError::json("the figures of the run", &metrics)?;
         write_file(&self.run.metrics_csv(), metrics.csv().as_bytes())?;
         observer.file(&self.run.metrics_csv(), "table");
-        write_file(&self.run.pictures_csv(), metrics.pictures_csv().as_bytes())?;
-        observer.file(&self.run.pictures_csv(), "table");
+        if let Some(pictures) = metrics.pictures_csv() {
+            write_file(&self.run.pictures_csv(), pictures.as_bytes())?;
+            observer.file(&self.run.pictures_csv(), "table");
+        }
         // Last: a run that has it is complete.
         write_file(&self.run.metrics(), text.as_bytes())?;
         observer.file(&self.run.metrics(), "figures");

@@ -208,7 +208,7 @@ impl RunFolder {
         self.root.join("metrics.csv")
     }
 
-    /// Scores of every picture as comma-separated values.
+    /// Scores of every picture as comma-separated values; not there where no picture has scores of its own.
     pub fn pictures_csv(&self) -> PathBuf {
         self.root.join("pictures.csv")
     }

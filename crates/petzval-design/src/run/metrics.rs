@@ -94,8 +94,8 @@ impl Metrics {
         csv_text(lines)
     }
 
-    /// The scores of every picture as comma-separated values; only the heading where objects are looked for in all of them.
-    pub fn pictures_csv(&self) -> String {
+    /// The scores of every picture as comma-separated values; none where no picture has scores of its own, as those of objects in all pictures.
+    pub fn pictures_csv(&self) -> Option<String> {
         let names: Vec<&str> = self.scores.iter().map(|score| score.name.as_str()).collect();
         let head = ["camera", "photo", "relative_field"].into_iter().chain(names.iter().copied());
         let mut lines: Vec<Vec<String>> = vec![head.map(str::to_owned).collect()];
@@ -106,7 +106,7 @@ impl Metrics {
                 lines.push(about.into_iter().chain(scores).collect());
             }
         }
-        csv_text(lines)
+        (lines.len() > 1).then(|| csv_text(lines))
     }
 }
 
@@ -232,9 +232,12 @@ mod tests {
              corner_distortion_percent,white_e,isp_steps,network_steps\n\"wide, fast\",30.5,29,31,,7.25,25,2.8,40,-1.5,16000,0,3\n"
         );
         assert_eq!(
-            metrics.pictures_csv(),
+            metrics.pictures_csv().unwrap(),
             "camera,photo,relative_field,psnr_db\n\"wide, fast\",\"a \"\"b\"\"\",0.5,30.5\n"
         );
+        let mut of_all = metrics.clone();
+        of_all.rows[0].pictures[0].scores.clear();
+        assert_eq!(of_all.pictures_csv(), None, "a heading alone is no table");
         assert_eq!(metrics.electrons_of_white(), "16000");
         assert_eq!(metrics.scored_on(), "1 held-out photograph at 1 place");
         assert_eq!(metrics.scored_on_others(), "1 photograph at 1 place");
