@@ -188,13 +188,13 @@ fn lists(table: &toml::Table, name: &str, wrong: &Wrong) -> Result<Vec<(SweptKey
         if values.is_empty() {
             return Err(empty(&key.place, wrong));
         }
-        let values =
-            values.iter().map(|value| json(value, &key.place, wrong)).collect::<Result<Vec<_>, _>>()?;
+        let at = |i: usize| [&key.place[..], &[i.to_string()]].concat();
+        let values = values.iter().enumerate().map(|(i, value)| json(value, &at(i), wrong));
+        let values = values.collect::<Result<Vec<_>, _>>()?;
         // Rows of a list may repeat single values.
         if let Some(place) = twice(values.iter().map(identity)).filter(|_| name == "grid") {
-            let at = [key.place.clone(), vec![place.to_string()]].concat();
             return Err(wrong(
-                &at,
+                &at(place),
                 "stands twice".to_owned(),
                 "give every value once; for repetitions give seeds",
             ));
@@ -223,17 +223,24 @@ fn leaves<'t>(
 
 /// A value as JSON.
 fn json(value: &toml::Value, place: &[String], wrong: &Wrong) -> Result<Value, FileError> {
-    let refused = || {
-        wrong(
-            place,
-            "holds a value that is neither text, number, true, false nor a list of them".to_owned(),
-            "write dates in quotes",
-        )
-    };
+    if let Some((message, hint)) = not_in_json(value) {
+        return Err(wrong(place, message.to_owned(), hint));
+    }
+    serde_json::to_value(value).map_err(|e| wrong(place, e.to_string(), "give text, a number, true or false"))
+}
+
+/// What of a value, or of one in it, JSON cannot hold, with a hint.
+fn not_in_json(value: &toml::Value) -> Option<(&'static str, &'static str)> {
     match value {
-        toml::Value::Datetime(_) => Err(refused()),
-        toml::Value::Float(number) if !number.is_finite() => Err(refused()),
-        value => serde_json::to_value(value).map_err(|_| refused()),
+        toml::Value::Datetime(_) => {
+            Some(("neither text, number, true, false nor a list of them", "write dates in quotes"))
+        }
+        toml::Value::Float(number) if !number.is_finite() => {
+            Some(("not a finite number", "give finite numbers: neither nan nor inf"))
+        }
+        toml::Value::Array(values) => values.iter().find_map(not_in_json),
+        toml::Value::Table(table) => table.values().find_map(not_in_json),
+        _ => None,
     }
 }
 
@@ -585,6 +592,9 @@ mod tests {
             ("[grid]\na.b = [1, 1.0]\n", 2, "stands twice"),
             ("[list]\na = [1, 1.0]\nb = [2, 2]\n", 2, "this row of the list stands twice"),
             ("[grid]\na = [2026-11-28]\n", 2, "neither text"),
+            ("[grid]\na = [1, nan]\n", 2, "`a = nan`: not a finite number"),
+            ("[list]\na = [[1, inf]]\n", 2, "neither nan nor inf"),
+            ("[random]\nn = 3\nk = {choice = [1, -inf]}\n", 3, "not a finite number"),
             ("[grid]\na = [1]\n[list]\na = [2]\n", 4, "`a` varies already, in [grid]"),
             ("[grid]\na = [1]\n\"a.b\" = [1]\n", 3, "`a` varies already"),
             ("[list]\na = [1, 2]\nb = [1]\n", 3, "has 1 values, and `a` has 2"),
