@@ -133,6 +133,11 @@ fn fill(row: &mut RunRow, folder: &Path, library: &Library) -> Result<()> {
             return Err(DesignError::Run { path: run.root().to_path_buf(), problem: change.to_string() });
         }
         let metrics = read_metrics(&run)?;
+        // Cameras cannot be made again alone: without one of them the run is not what it was.
+        if let Some(missing) = metrics.rows.iter().find(|row| !run.camera_metrics(&row.camera).is_file()) {
+            let problem = format!("cameras/{}/metrics.json is missing", missing.camera);
+            return Err(DesignError::Run { path: run.root().to_path_buf(), problem });
+        }
         row.take(&metrics.rows, &metrics.scores);
         row.state = RunState::Finished;
         row.seconds = finish.map_or(row.seconds, |finish| finish.seconds);

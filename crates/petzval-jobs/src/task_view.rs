@@ -24,6 +24,7 @@ use petzval_optics::solve::thin_equivalent;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::apply::none_finished;
 use crate::context::Context;
 use crate::design::{NewExperiment, NewRun, inputs_of, prepared, resolved};
 use crate::error::{JobError, Result};
@@ -253,9 +254,11 @@ fn ready(request: &Request, start: Option<&str>, context: &Context) -> Result<Re
                     hint,
                 ));
             }
-            None => last(&finished, &setup).ok_or_else(|| {
-                let message = format!("{}: no camera of this run is finished", run.display());
-                JobError::input(message, "name its experiment in place of the run")
+            None => last(&finished, &setup).ok_or_else(|| match none_finished(&folder) {
+                JobError::Input { message, hint } => {
+                    JobError::input(message, format!("{hint}, or name its experiment in place of the run"))
+                }
+                other => other,
             })?,
         };
         let variant = variant_named(&setup, &name)?;

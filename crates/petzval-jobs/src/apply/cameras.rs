@@ -7,7 +7,7 @@ use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Capture, Noise, NoiseMode, SensorModel};
 use petzval_design::camera::{Camera, Labels, Shot};
 use petzval_design::inputs::check_parts_or_accepted;
-use petzval_design::run::{DigestCheck, RunFolder};
+use petzval_design::run::{DigestCheck, RunFolder, RunRecord};
 use petzval_design::setup::Setup;
 use petzval_design::task::Drawn;
 use petzval_files::raw_file::{RawFrame, load_raw, sidecar_path};
@@ -161,7 +161,7 @@ impl Chosen {
         warn_of_changed_config(&folder, context)?;
         let experiment = context.assets.experiment_of_run(&folder)?;
         let all: Vec<String> = experiment.variants().iter().map(|variant| variant.name.clone()).collect();
-        let names = chosen(run, names, &folder, &all)?;
+        let names = chosen(names, &folder, &all)?;
         let warn = |text: &str| context.warning(WarningKind::ChangedFile, text);
         let check = DigestCheck::of_request(&folder, accept_changed, &warn)?;
         check.check_cameras(names.iter().map(String::as_str))?;
@@ -188,10 +188,10 @@ impl Chosen {
 }
 
 /// The cameras of these names, which must be finished; all finished ones if none is named.
-fn chosen(run: &Path, names: &[String], folder: &RunFolder, all: &[String]) -> Result<Vec<String>> {
+fn chosen(names: &[String], folder: &RunFolder, all: &[String]) -> Result<Vec<String>> {
     let finished = folder.finished(all.iter().map(String::as_str));
     if finished.is_empty() {
-        return Err(none_finished(run));
+        return Err(none_finished(folder));
     }
     if names.is_empty() {
         return Ok(finished.iter().map(|name| (*name).to_owned()).collect());
@@ -205,12 +205,19 @@ fn chosen(run: &Path, names: &[String], folder: &RunFolder, all: &[String]) -> R
     }
 }
 
-/// The error where no camera of a run is finished.
-pub(crate) fn none_finished(run: &Path) -> JobError {
-    let run = run.display();
+/// The error where a run has no camera: because none is finished, or because the folders of a finished run are missing.
+pub(crate) fn none_finished(folder: &RunFolder) -> JobError {
+    let run = folder.root().display();
+    let record = RunRecord::read(folder).ok().flatten();
+    if folder.metrics().is_file() || record.is_some_and(|record| record.finished.is_some()) {
+        return JobError::input(
+            format!("{run}: the run is finished, and the folders of its cameras are missing"),
+            "put the folder `cameras` back from a copy of the run, or make the run again",
+        );
+    }
     JobError::input(
         format!("{run}: no camera of this run is finished"),
-        format!("go on with it: design --resume {run}"),
+        format!("go on with it: `petzval design --resume {run}`"),
     )
 }
 

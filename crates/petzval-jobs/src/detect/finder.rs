@@ -173,7 +173,7 @@ pub fn finder(
             }
             let finished = folder.finished(experiment.variant.iter().map(|v| v.name.as_str()));
             let Some(last) = finished.last() else {
-                return Err(none_finished(run));
+                return Err(none_finished(&folder));
             };
             let name = camera.as_deref().unwrap_or(last);
             if !finished.contains(&name) {

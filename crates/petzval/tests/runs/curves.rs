@@ -106,11 +106,25 @@ fn curves_go_on_after_a_kill_without_a_step_twice_and_runs_are_listed() {
     let mut metrics = read_json(&edited.join("metrics.json"));
     metrics["rows"][0]["efl_mm"] = serde_json::json!(99.0);
     std::fs::write(edited.join("metrics.json"), metrics.to_string()).unwrap();
+    // So is a finished one whose cameras are lost.
+    let lost = folder.path().join("runs/lost");
+    copy_folder(&run, &lost);
+    std::fs::remove_dir_all(lost.join("cameras")).unwrap();
     let listed = run_ok(folder.path(), &["runs", "--json"]).json();
     let row = |name: &str| {
         let rows = listed["runs"].as_array().unwrap();
         rows.iter().find(|row| row["run"].as_str().unwrap().ends_with(name)).unwrap()
     };
+    assert_eq!(row("lost")["state"], "damaged");
+    let reason = row("lost")["reason"].as_str().unwrap();
+    assert!(reason.contains("cameras/") && reason.ends_with("metrics.json is missing"), "{reason}");
+    let photo = data("photos/coffee.png").display().to_string();
+    run_fails(
+        folder.path(),
+        &["apply", "runs/lost", &photo, "--out", "applied"],
+        2,
+        &["the run is finished", "from a copy of the run, or make the run again"],
+    );
     assert_eq!(row("batch")["differs"]["training.batch"], "2");
     assert_eq!(row("whole")["differs"]["training.batch"], "1");
     assert_eq!(row("whole")["camera"], "end-to-end");
