@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 
+use petzval_base::reason_and_hint;
 use petzval_files::psf_file::{AXES_FILE, read_psfs, write_psfs};
 use petzval_files::{FloatType, write_lens};
 use sha2::{Digest, Sha256};
@@ -15,7 +16,7 @@ use crate::experiment::{Experiment, is_derived_lens};
 use crate::path_text::path_text;
 use crate::run::first_reads;
 use crate::run::input_list::{BUILT_IN, InputList, Pictures};
-use crate::run::{ChangedFile, DigestCheck, RunFolder, RunRecord, hex, write_file};
+use crate::run::{ChangedFile, DigestCheck, Digests, RunFolder, RunRecord, hex, write_file};
 use crate::scoring::Scorer;
 use crate::setup::Setup;
 use crate::task::{Content, WindowInputs};
@@ -176,6 +177,9 @@ pub fn keep_inputs(
             *proxy = format!("inputs/{folder}/{}", FILES[0]);
         }
     }
+    // Lists of pictures change as pictures are read or moved; they hold digests of their own.
+    let folder = run.input("");
+    Digests::of_folder(&folder)?.without(&["inputs.json", "sha256", "first-reads.jsonl"]).write(&folder)?;
     let text = kept.to_toml()?;
     RunRecord::begin(kept, usual_steps, scorer.scores()).write(run)?;
     write_file(&run.config(), text.as_bytes())
@@ -194,6 +198,23 @@ fn proxy_files(description: &Path) -> impl Iterator<Item = PathBuf> {
 fn make_parent(path: &Path) -> Result<()> {
     let folder = path.parent().unwrap_or(Path::new(""));
     std::fs::create_dir_all(folder).map_err(DesignError::io(folder))
+}
+
+/// The error of the setup of a run. Where the folder `inputs` holds other files than the run kept there, the error names them: a lens that was
+/// changed there may fit neither the experiment nor itself.
+pub fn blamed_on_inputs(error: DesignError, run: &RunFolder) -> DesignError {
+    let changes = DigestCheck::new(run, &[], &|_| {}).changes("inputs").unwrap_or_default();
+    if changes.is_empty() || error.is_stopped() {
+        return error;
+    }
+    let named: Vec<String> = changes.iter().map(ToString::to_string).collect();
+    let said = error.to_string();
+    let problem = format!(
+        "{}, and cannot be used: {}; hint: put it back from a copy of the run, or start a new run",
+        named.join(", "),
+        reason_and_hint(&said).0
+    );
+    DesignError::Run { path: run.root().to_path_buf(), problem }
 }
 
 /// Refuses to go on with a run from other inputs than it was made from, which are named. Returns those of the setup.

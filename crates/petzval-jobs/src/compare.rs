@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use petzval_design::inputs::check_parts_or_accepted;
+use petzval_design::inputs::{blamed_on_inputs, check_parts_or_accepted};
 use petzval_design::report::comparison::{ComparedDifference, Comparison, compare, comparison_csv};
 use petzval_design::report::run_report::report_of_run;
 use petzval_design::run::{DigestCheck, RunFolder, check_accepted};
@@ -98,7 +98,8 @@ fn check_inputs(request: &Request, context: &Context, warn: &dyn Fn(&str)) -> Re
     for run in &request.runs {
         let folder = RunFolder::open(run)?;
         let setup =
-            Setup::without_windows(silent.experiment_of_run(&folder)?, &silent, context.device("cpu")?)?;
+            Setup::without_windows(silent.experiment_of_run(&folder)?, &silent, context.device("cpu")?)
+                .map_err(|error| blamed_on_inputs(error, &folder))?;
         let check = DigestCheck::new(&folder, &request.accept_changed, warn);
         check_parts_or_accepted(&setup, &folder, &check)?;
     }

@@ -10,7 +10,9 @@ use petzval_design::block::Block;
 use petzval_design::camera::Camera;
 use petzval_design::design_loop::{finished_camera, set_sight};
 use petzval_design::experiment::{Experiment, PsfsBy};
-use petzval_design::inputs::{check_inputs, check_inputs_or_accepted, check_parts_or_accepted};
+use petzval_design::inputs::{
+    blamed_on_inputs, check_inputs, check_inputs_or_accepted, check_parts_or_accepted,
+};
 use petzval_design::made_cameras::{MadeError, TrialPlan, made_cameras, symmetric};
 use petzval_design::report::run_report::{camera_lens, read_metrics};
 use petzval_design::run::input_list::{check_pictures_are_there, pictures_of_run};
@@ -281,7 +283,8 @@ fn setup(
     let device = || context.device(&request.device);
     let Some(place) = place else {
         check_pictures_are_there(folder, &experiment, context.assets.facts_of(&experiment)?.pictures)?;
-        let setup = Setup::with_psfs(experiment, &context.assets, device()?, given, Purpose::Training)?;
+        let setup = Setup::with_psfs(experiment, &context.assets, device()?, given, Purpose::Training)
+            .map_err(|error| blamed_on_inputs(error, folder))?;
         check_inputs_or_accepted(&setup, folder, check)?;
         return Ok((setup, None));
     };
@@ -307,7 +310,8 @@ fn setup(
             hint,
         ));
     }
-    let setup = Setup::with_psfs(experiment, &context.assets, device()?, given, Purpose::Scores)?;
+    let setup = Setup::with_psfs(experiment, &context.assets, device()?, given, Purpose::Scores)
+        .map_err(|error| blamed_on_inputs(error, folder))?;
     check_parts_or_accepted(&setup, folder, check)?;
     let [trained_on, count] = trained.count_in(&setup)?;
     let place = place.display();

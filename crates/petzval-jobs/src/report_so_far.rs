@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use petzval_design::inputs::check_parts_or_accepted;
+use petzval_design::inputs::{blamed_on_inputs, check_parts_or_accepted};
 use petzval_design::report::run_report::{read_metrics, report_so_far};
 use petzval_design::run::{DigestCheck, RunFolder};
 use petzval_design::scoring::collect_so_far;
@@ -39,7 +39,8 @@ pub struct Response {
 pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let folder = RunFolder::open(&request.run)?;
     let experiment = context.assets.experiment_of_run(&folder)?;
-    let setup = Setup::without_windows(experiment, &context.assets, context.device("cpu")?)?;
+    let setup = Setup::without_windows(experiment, &context.assets, context.device("cpu")?)
+        .map_err(|error| blamed_on_inputs(error, &folder))?;
     if folder.metrics().is_file() {
         let warn = |text: &str| context.warning(WarningKind::ChangedFile, text);
         let check = DigestCheck::new(&folder, &[], &warn);

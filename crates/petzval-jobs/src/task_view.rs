@@ -12,7 +12,7 @@ use petzval_design::block::{Batch, Block, Blocks, Sight, loss_by_numbers, losses
 use petzval_design::camera::{Camera, Shot};
 use petzval_design::design_loop::set_sight;
 use petzval_design::experiment::Variant;
-use petzval_design::inputs::check_parts_or_accepted;
+use petzval_design::inputs::{blamed_on_inputs, check_parts_or_accepted};
 use petzval_design::report::run_report::camera_lens;
 use petzval_design::run::{DigestCheck, Kept, RunFolder, load_blocks};
 use petzval_design::setup::Setup;
@@ -241,7 +241,8 @@ fn ready(request: &Request, start: Option<&str>, context: &Context) -> Result<Re
     let device = context.device("cpu")?;
     if let Some(run) = &request.run {
         let folder = RunFolder::open(run)?;
-        let setup = Setup::new(context.assets.experiment_of_run(&folder)?, &context.assets, device)?;
+        let setup = Setup::new(context.assets.experiment_of_run(&folder)?, &context.assets, device)
+            .map_err(|error| blamed_on_inputs(error, &folder))?;
         let finished = folder.finished(setup.variants.iter().map(|variant| variant.name.as_str()));
         let name = match &request.camera {
             Some(name) if finished.contains(&name.as_str()) => name.clone(),

@@ -55,6 +55,12 @@ impl Digests {
         Ok(Self { files, events: None })
     }
 
+    /// The same without files of these names.
+    pub fn without(mut self, names: &[&str]) -> Self {
+        self.files.retain(|name, _| !names.contains(&name.as_str()));
+        self
+    }
+
     /// Those that a folder keeps; none in a folder of an earlier version.
     pub fn read(folder: &Path) -> Result<Option<Self>> {
         read_json_if_there(&folder.join(FILE))

@@ -13,7 +13,7 @@ use petzval_design::error::DesignError;
 pub use petzval_design::experiment::Settings;
 use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, PicturesKey, STREET};
 use petzval_design::first_look::first_look;
-use petzval_design::inputs::{Inputs, check_inputs, keep_inputs};
+use petzval_design::inputs::{Inputs, blamed_on_inputs, check_inputs, keep_inputs};
 use petzval_design::path_text::path_text;
 use petzval_design::plausible::check;
 use petzval_design::run::input_list::{InputList, check_pictures_are_there};
@@ -236,7 +236,8 @@ fn run_from(request: &Request, context: &Context) -> Result<Response> {
             let pictures = pictures_now(key, resume.photos.as_deref(), resume.data.as_deref())?;
             let experiment = context.assets.experiment_in(&folder, config.clone(), pictures)?;
             check_pictures_are_there(&folder, &experiment, key)?;
-            let setup = set_up(experiment, device, context)?;
+            let setup =
+                set_up(experiment, device, context).map_err(|error| blamed_on_inputs(error, &folder))?;
             remember_pictures(check_inputs(&setup, &folder)?, &folder)?;
             Gate { device: &request.device, setup: &setup, folder: &folder }.pass(context)?;
             extension = (config != record.config).then_some((record, config));
@@ -411,11 +412,11 @@ fn looked_at(
 }
 
 /// Everything that the experiment needs. Every picture of a data set is decoded to find damaged ones, which takes minutes for thousands of them.
-fn set_up(experiment: Experiment, device: Device, context: &Context) -> Result<Setup> {
+fn set_up(experiment: Experiment, device: Device, context: &Context) -> Result<Setup, DesignError> {
     if experiment.data != STREET {
         context.note(format!("checking every picture of {}", experiment.data));
     }
-    Ok(Setup::new(experiment, &context.assets, device)?)
+    Setup::new(experiment, &context.assets, device)
 }
 
 /// Lists the training, held-out and skipped pictures, and what their files say that is not obeyed: this is returned as well.

@@ -283,6 +283,14 @@ fn what_was_changed_in_a_finished_run_is_named_and_not_believed() {
     }
     run_ok(folder.path(), &["apply", "copy", &photo, "--camera", "end-to-end"]);
 
+    // A lens with which no camera can be set up is blamed on the change and not on the lens.
+    changed("inputs/lens.toml", &|path| std::fs::write(path, "name = \"none\"\n").unwrap());
+    let needles =
+        ["inputs/lens.toml is not as the run wrote it, and cannot be used", "from a copy of the run"];
+    for args in [&["apply", "copy", &photo][..], &["evaluate", "copy"], &["report", "copy"]] {
+        run_fails(folder.path(), args, 2, &needles);
+    }
+
     // Another sensor makes other pictures.
     changed("inputs/sensor.toml", &|path| {
         let noisy = |line: &str| {
