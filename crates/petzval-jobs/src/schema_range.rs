@@ -139,7 +139,11 @@ fn is_of_kind(value: &Value, kind: &str) -> bool {
 
 /// The error of a number outside a range.
 fn wrong(path: &str, number: f64, range: Range) -> Option<FileError> {
-    if number >= range.min && number <= range.max {
+    // A number of single precision is a little off as JSON: 1e-6 is 9.999999974752427e-7.
+    let single = number as f32;
+    let is_at_an_end = f64::from(single) == number
+        && [range.min, range.max].iter().any(|end| end.is_finite() && *end as f32 == single);
+    if number >= range.min && number <= range.max || is_at_an_end {
         return None;
     }
     let message = format!("must lie {}", range.in_words());
@@ -198,6 +202,15 @@ mod tests {
         assert_eq!(found(&schema, json!({"b": 2.5})), None);
         assert!(found(&schema, json!({"b": 4})).is_some());
         assert!(found(&schema, json!({"a": 1.5})).is_some());
+    }
+
+    #[test]
+    fn an_end_of_a_range_in_single_precision_is_within() {
+        let schema = json!({"properties": {"gain": {"type": "number", "minimum": 1e-6, "maximum": 1e3}}});
+        let end = f64::from(1e-6_f32);
+        assert!(end < 1e-6);
+        assert_eq!(found(&schema, json!({"gain": end})), None);
+        assert!(found(&schema, json!({"gain": 0.999e-6})).is_some());
     }
 
     #[test]
