@@ -10,8 +10,15 @@
 //! rho  = 1 - A / (2 B)                                      stacks: von Neumann's ratio
 //! ```
 //!
-//! once the means of rows and of columns are subtracted, whose noise whole lines share. Without a filter all are zero, with the standard errors
-//! `1/sqrt(pixels)` and `sqrt((L - 2)/((L^2 - 1) pixels))`. A filter whose weights sum to one keeps the sum of the covariances over all distances, so
+//! once the means of rows and of columns are subtracted, whose noise whole lines share. With `N` pixels in a row and `M` in a column the means leave
+//! independent noise the share `f = (1 - 1/N)(1 - 1/M)` of its variance, and make it look correlated by
+//!
+//! ```text
+//! -1/(N - 1) in the row,   -1/(M - 1) in the column,   1/((N - 1)(M - 1)) diagonally
+//! ```
+//!
+//! So `r` less these, times `f`, is the correlation. Without a filter all are zero, with standard errors of at most `1/sqrt(pixels)` and of
+//! `sqrt((L - 2)/((L^2 - 1) f pixels))`. A filter whose weights sum to one keeps the sum of the covariances over all distances, so
 //! the variance without it is
 //!
 //! ```text
@@ -22,7 +29,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::line_noise::LineSums;
-use super::measured::Measured;
+use super::measured::{Measured, Unresolved};
 use petzval_base::statistics::median;
 
 /// Standard errors beyond which a correlation is no chance.
@@ -33,6 +40,9 @@ const LEAST: f64 = 0.01;
 
 /// Share of the variance from which on the figures that rest on it are withdrawn.
 const FAR_OFF: f64 = 0.1;
+
+/// Least share of the variance that a filter can have left of it, as far as its neighbours show: a variance that is ten times too high.
+const LEAST_LEFT: f64 = 0.1;
 
 /// Standard deviations at which a pixel counts as one at this limit: a few blinking ones would be the whole sum.
 const FAR_SIGMAS: f64 = 5.0;
@@ -148,6 +158,17 @@ impl LastFrame<'_> {
     }
 }
 
+impl LineSums {
+    /// Shares of the variance of independent pixels that are left when the mean of each row, and of each column, is subtracted: `1 - 1/N` of lines
+    /// of `N` pixels. 0 if each line is a single pixel.
+    fn own_shares(&self) -> [f64; 2] {
+        [&self.row_pixels, &self.column_pixels].map(|pixels| {
+            let used = pixels.iter().filter(|n| **n > 0).count();
+            1.0 - used as f64 / pixels.iter().sum::<usize>().max(1) as f64
+        })
+    }
+}
+
 /// What lines share, DN.
 struct LineMeans {
     rows: Vec<f64>,
@@ -160,15 +181,17 @@ impl Products {
         if self.pixels == 0.0 || variance <= 0.0 {
             return NeighbourNoise::default();
         }
-        // The means that were subtracted take a share of every correlation along their lines.
-        let share = |pixels: &[usize]| {
-            let used = pixels.iter().filter(|n| **n > 0).count();
-            used as f64 / pixels.iter().sum::<usize>() as f64
-        };
-        let taken = [share(&lines.row_pixels), share(&lines.column_pixels), 0.0];
+        let [own_of_row, own_of_column] = lines.own_shares();
+        let free = own_of_row * own_of_column;
+        if free <= 0.0 {
+            return NeighbourNoise::default();
+        }
+        // Subtract the correlations that the subtracted means leave in independent noise.
+        let [in_row, in_column] = [own_of_row, own_of_column].map(|own| (1.0 - own) / own);
+        let by_means = [-in_row, -in_column, in_row * in_column];
         let correlation = |way: usize| {
             let (sum, pairs) = self.of_pairs[way];
-            if pairs > 0.0 { sum / pairs / variance + taken[way] } else { 0.0 }
+            if pairs > 0.0 { free * (sum / pairs / variance - by_means[way]) } else { 0.0 }
         };
         NeighbourNoise { pixels: self.pixels, sums: [0, 1, 2].map(|way| self.pixels * correlation(way)) }
     }
@@ -223,6 +246,7 @@ impl FrameSteps {
 }
 
 /// Correlation of the noise of a frame with that of the frame before, of a stack of so many pixels, those that are left out of `found` included.
+/// Not resolved if the colour has a single row or column, whose means are all of its noise.
 pub(super) fn frame_correlation(
     lines: &LineSums,
     frame_sums: &[u64],
@@ -252,7 +276,11 @@ pub(super) fn frame_correlation(
     let steps_dn2 = found.steps_dn2 - kept * shared(&steps);
     let squares_dn2 = found.squares_dn2 - kept * shared(&squares);
     let frames = frame_sums.len() as f64;
-    let error = ((frames - 2.0) / ((frames * frames - 1.0) * found.pixels as f64)).sqrt();
+    let free = lines.own_shares().iter().product::<f64>() * found.pixels as f64;
+    if free <= 0.0 || squares_dn2 <= 0.0 {
+        return Measured::none(Unresolved::FewLines);
+    }
+    let error = ((frames - 2.0) / ((frames * frames - 1.0) * free)).sqrt();
     Measured::new(1.0 - steps_dn2 / (2.0 * squares_dn2), error)
 }
 
@@ -287,11 +315,21 @@ impl SharedNoise {
         [self.along_rows, self.along_columns, self.diagonal].iter().any(|r| *r != 0.0)
     }
 
-    /// Variance that the filter took, over that which it left. Each neighbour stands for its mirror image.
+    /// Variance that the filter took, over that which it left, at least -0.9. Each neighbour stands for its mirror image.
     pub fn missing_share(&self) -> f64 {
+        self.whole_share().max(LEAST_LEFT) - 1.0
+    }
+
+    /// Whether the variance is so much too high that the neighbours do not show by how much.
+    pub fn is_beyond_measure(&self) -> bool {
+        self.whole_share() <= LEAST_LEFT
+    }
+
+    /// Variance without the filter over that which is found. The correlations of few neighbours may add up to less than zero, which no variance is.
+    fn whole_share(&self) -> f64 {
         let in_space = 1.0 + 2.0 * (self.along_rows + self.along_columns + 2.0 * self.diagonal);
         let in_time = (1.0 + self.between_frames) / (1.0 - self.between_frames);
-        in_space * in_time - 1.0
+        in_space * in_time
     }
 
     /// Whether the figures that rest on the variance are withdrawn; else their errors contain what is missing.
@@ -310,20 +348,30 @@ mod tests {
 
     const SIZE: usize = 96;
 
-    /// Sums of `frames` frames of noise of 10 DN, with rows of their own noise, and the last frame. `of` filters each frame.
+    /// The correlations of square frames.
     fn found(tile: &[Vec<usize>], of: &dyn Fn(&[f64]) -> Vec<f64>, frames: usize) -> Vec<NeighbourNoise> {
+        found_in([SIZE; 2], tile, of, frames)
+    }
+
+    /// The correlations of `frames` frames of noise of 10 DN, with rows of their own noise. `of` filters each frame.
+    fn found_in(
+        [height, width]: [usize; 2],
+        tile: &[Vec<usize>],
+        of: &dyn Fn(&[f64]) -> Vec<f64>,
+        frames: usize,
+    ) -> Vec<NeighbourNoise> {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
         let classes = 1 + tile.iter().flatten().max().unwrap();
-        let mut lines = vec![LineSums::new(frames, (SIZE, SIZE)); classes];
-        let (mut sum_dn, mut last) = (vec![0; SIZE * SIZE], Vec::new());
+        let mut lines = vec![LineSums::new(frames, (height, width)); classes];
+        let (mut sum_dn, mut last) = (vec![0; height * width], Vec::new());
         for k in 0..frames {
             let mut one = || -> f64 { StandardNormal.sample(&mut rng) };
-            let rows: Vec<f64> = (0..SIZE).map(|_| 5.0 * one()).collect();
-            let noise: Vec<f64> = (0..SIZE * SIZE).map(|_| 10.0 * one()).collect();
-            let dn = |(i, v): (usize, f64)| (500.0 + v + rows[i / SIZE]).round() as u16;
+            let rows: Vec<f64> = (0..height).map(|_| 5.0 * one()).collect();
+            let noise: Vec<f64> = (0..height * width).map(|_| 10.0 * one()).collect();
+            let dn = |(i, v): (usize, f64)| (500.0 + v + rows[i / width]).round() as u16;
             last = of(&noise).into_iter().enumerate().map(dn).collect();
             for (i, dn) in last.iter().enumerate() {
-                let (row, column) = (i / SIZE, i % SIZE);
+                let (row, column) = (i / width, i % width);
                 let own = &mut lines[tile[row % tile.len()][column % tile[0].len()]];
                 own.rows[k][row] += u64::from(*dn);
                 own.columns[k][column] += u64::from(*dn);
@@ -333,15 +381,8 @@ mod tests {
             }
         }
         let (lines, variance_dn2) = (lines.iter().collect(), vec![125.0; classes]);
-        let point = LastFrame {
-            last: &last,
-            sum_dn: &sum_dn,
-            frames,
-            width: SIZE,
-            class_of: tile,
-            lines,
-            variance_dn2,
-        };
+        let point =
+            LastFrame { last: &last, sum_dn: &sum_dn, frames, width, class_of: tile, lines, variance_dn2 };
         point.neighbours()
     }
 
@@ -376,6 +417,44 @@ mod tests {
         }
     }
 
+    /// The subtracted means make independent pixels of few lines look correlated.
+    #[test]
+    fn independent_pixels_of_few_lines_share_nothing() {
+        let mono = vec![vec![0]];
+        let bayer = vec![vec![0, 1], vec![1, 2]];
+        for few in (2..=6).chain([8, 12]) {
+            for (tile, step) in [(&mono, 1), (&bayer, 2)] {
+                for size in [[few * step, 3000], [3000, few * step]] {
+                    for one in found_in(size, tile, &|noise| noise.to_vec(), 3) {
+                        for found in one.correlations() {
+                            let (value, error) = (found.value().unwrap(), found.error_or_zero());
+                            assert!(value.abs() < 4.5 * error, "{size:?} {one:?}");
+                        }
+                        assert_eq!(SharedNoise::of(one, None), None, "{size:?} {one:?}");
+                    }
+                }
+            }
+        }
+    }
+
+    /// The means of single rows and columns are all of their noise.
+    #[test]
+    fn single_lines_show_no_correlation() {
+        for size in [[1, 400], [400, 1]] {
+            for one in found_in(size, &[vec![0]], &|noise| noise.to_vec(), 3) {
+                assert_eq!(one, NeighbourNoise::default(), "{size:?}");
+            }
+            let lines = LineSums {
+                row_pixels: vec![size[1]; size[0]],
+                column_pixels: vec![size[0]; size[1]],
+                ..LineSums::new(3, (size[0], size[1]))
+            };
+            let steps = FrameSteps { pixels: 400, steps_dn2: 1600.0, squares_dn2: 800.0 };
+            let found = frame_correlation(&lines, &[0; 3], 400, steps);
+            assert_eq!(found, Measured::none(Unresolved::FewLines), "{size:?}");
+        }
+    }
+
     #[test]
     fn a_missing_share_is_that_of_the_filter() {
         let of = |along: f64, diagonal: f64, between_frames: f64| SharedNoise {
@@ -391,6 +470,12 @@ mod tests {
         let over_time = of(0.0, 0.0, 0.3);
         assert!((over_time.missing_share() - (1.3 / 0.7 - 1.0)).abs() < 1e-12);
         assert!(low_pass.is_far() && over_time.is_far() && !of(0.02, 0.0, 0.0).is_far());
+        assert!(!low_pass.is_beyond_measure());
+        // Neighbours whose correlations add up to nothing or less leave no variance to divide by.
+        for sharp in [of(-0.25, 0.0, 0.0), of(-0.4, 0.0, 0.0)] {
+            assert!((sharp.missing_share() + 0.9).abs() < 1e-12, "{}", sharp.missing_share());
+            assert!(sharp.is_far() && sharp.is_beyond_measure());
+        }
     }
 
     #[test]

@@ -604,16 +604,20 @@ fn shared_noise(found: &SharedNoise) -> String {
     }
     let percent = 100.0 * found.missing_share() / (1.0 + found.missing_share());
     let low_or_high = if percent < 0.0 { "high" } else { "low" };
+    let far_off = if found.is_beyond_measure() {
+        "at least 10 times too high".to_owned()
+    } else {
+        format!("about {:.0} % too {low_or_high}", percent.abs())
+    };
     let consequence = if found.is_far() {
         "K and what follows from it are withdrawn, and so are DSNU and PRNU where pixels share noise"
     } else {
         "the errors of K and of what follows from it contain it"
     };
     format!(
-        "{}, as after a filter, a correction of defects or image lag in the camera: the variance is about {:.0} % too {low_or_high}; \
-         {consequence}. Capture raw frames without it",
-        shared.join(", and "),
-        percent.abs()
+        "{}, as after a filter, a correction of defects or image lag in the camera: the variance is {far_off}; {consequence}. \
+         Capture raw frames without it",
+        shared.join(", and ")
     )
 }
 
