@@ -8,7 +8,7 @@ use png::{BitDepth, ColorType, Transformations};
 use tiff::decoder::{Decoder, DecodingResult};
 use tiff::tags::{PhotometricInterpretation, Tag};
 
-use crate::picture_file::{CUT_OFF, ImageError, encode, head_of, is_cut_off, picture_bytes};
+use crate::picture_file::{CUT_OFF, ImageError, damaged, encode, head_of, is_cut_off, picture_bytes};
 
 /// What the samples of a TIFF file mean: 0 is white.
 const WHITE_IS_ZERO: u32 = 0;
@@ -98,14 +98,14 @@ fn place_of_palette(bytes: &[u8]) -> Option<(usize, bool)> {
 }
 
 fn read_png(bytes: &[u8]) -> Result<LabelImage, String> {
-    let damaged = |e: png::DecodingError| e.to_string();
+    let undecodable = |e: png::DecodingError| damaged(&e.to_string());
     let mut decoder = png::Decoder::new(Cursor::new(bytes));
     // Neither is a palette looked up, nor are bits scaled.
     decoder.set_transformations(Transformations::IDENTITY);
-    let mut reader = decoder.read_info().map_err(damaged)?;
+    let mut reader = decoder.read_info().map_err(undecodable)?;
     let size = reader.output_buffer_size().ok_or("it is too large")?;
     let mut samples = vec![0; size];
-    let info = reader.next_frame(&mut samples).map_err(damaged)?;
+    let info = reader.next_frame(&mut samples).map_err(undecodable)?;
     if !matches!(info.color_type, ColorType::Grayscale | ColorType::Indexed) {
         return Err(format!("its pixels are colours ({:?})", info.color_type));
     }
@@ -239,6 +239,16 @@ mod tests {
         assert!(colours.contains("hint: give a PNG or TIFF file"), "{colours}");
         let whole = png(ColorType::Grayscale, BitDepth::Eight, [3, 2], &[0; 6]);
         assert!(refused("a.png", &whole[..whole.len() - 14]).contains("cut off"));
+        let at = whole.windows(4).position(|name| name == b"IDAT").unwrap();
+        let mut wrong = whole.clone();
+        // The last byte of the chunk is that of its checksum; its length is below 256.
+        wrong[at + 4 + usize::from(whole[at - 1]) + 3] ^= 1;
+        let error = refused("a.png", &wrong);
+        assert!(
+            error
+                .ends_with("the file is damaged: its checksum is wrong; hint: copy or export the file again"),
+            "{error}"
+        );
         assert!(refused("a.png", b"P5 1 1 255 a").contains("neither a PNG nor a TIFF"));
         let empty = refused("a.png", b"");
         assert!(empty.contains("cannot decode") && empty.matches("hint: ").count() == 1, "{empty}");

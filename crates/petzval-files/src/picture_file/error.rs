@@ -23,9 +23,7 @@ pub enum ImageError {
         source: std::io::Error,
     },
     /// The content is not a picture that we can decode.
-    #[error(
-        "{name}: cannot decode the picture: {reason}; hint: give a PNG, JPEG, TIFF, WebP, BMP, OpenEXR or Radiance HDR file"
-    )]
+    #[error("{name}: cannot decode the picture: {reason}; hint: {}", hint_of(reason, PICTURES))]
     Decode {
         /// The file or the name of the buffer.
         name: String,
@@ -33,9 +31,7 @@ pub enum ImageError {
         reason: String,
     },
     /// The file holds no labels.
-    #[error(
-        "{name}: no picture of labels: {reason}; hint: give a PNG or TIFF file with one index of 8 or 16 bits a pixel"
-    )]
+    #[error("{name}: no picture of labels: {reason}; hint: {}", hint_of(reason, LABELS))]
     NoLabels {
         /// The file.
         name: String,
@@ -92,6 +88,26 @@ pub enum ImageError {
     },
 }
 
+/// How the reason begins for a file of a known format whose content is wrong.
+const DAMAGED: &str = "the file is damaged";
+
+/// What to give in place of a file of another kind.
+const PICTURES: &str = "give a PNG, JPEG, TIFF, WebP, BMP, OpenEXR or Radiance HDR file";
+const LABELS: &str = "give a PNG or TIFF file with one index of 8 or 16 bits a pixel";
+
+/// What to do about a picture that cannot be decoded for this reason: a file of these kinds is needed, or a whole copy of the file.
+fn hint_of(reason: &str, kinds: &'static str) -> &'static str {
+    let is_broken = reason.starts_with(DAMAGED) || reason == CUT_OFF;
+    if is_broken { "copy or export the file again" } else { kinds }
+}
+
+/// The reason of a file of a known format, from its decoder's words.
+pub(crate) fn damaged(of_decoder: &str) -> String {
+    // Decoders report a wrong checksum with the chunk's internals.
+    let words = if of_decoder.contains("CRC") { "its checksum is wrong" } else { of_decoder };
+    format!("{DAMAGED}: {words}")
+}
+
 /// The reason of a decoder's error, in terms of the picture.
 pub(crate) fn undecoded(error: &::image::ImageError) -> String {
     if let ::image::ImageError::Unsupported(unsupported) = error
@@ -109,6 +125,9 @@ pub(crate) fn undecoded(error: &::image::ImageError) -> String {
     }
     if is_cut_off {
         return CUT_OFF.to_owned();
+    }
+    if let ::image::ImageError::Decoding(wrong) = error {
+        return damaged(&wrong.source().map_or_else(|| wrong.to_string(), ToString::to_string));
     }
     error.to_string()
 }

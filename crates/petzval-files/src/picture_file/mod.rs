@@ -18,7 +18,7 @@ use petzval_camera::image::{CHANNELS, LinearImage, srgb_decode};
 
 pub(crate) use self::cut_off::{CUT_OFF, is_cut_off};
 pub use self::error::ImageError;
-pub(crate) use self::error::{MOST_PICTURE_BYTES, undecoded};
+pub(crate) use self::error::{MOST_PICTURE_BYTES, damaged, undecoded};
 pub(crate) use self::head::PictureHead;
 use self::head::{OLD_HDR, decoder_limits};
 use self::ignored::{hdr_notes, png_notes, profile_note, tiff_notes, webp_notes};

@@ -68,6 +68,23 @@ fn the_error_of_a_truncated_picture_says_that_it_is_cut_off() {
     let bytes = png_bytes(&LinearImage::from_data(3, 64, 64, noise).unwrap()).unwrap();
     let error = load_image_bytes(&bytes[..bytes.len() / 2], "half.png").unwrap_err().to_string();
     assert!(error.contains("half.png") && error.contains("it is cut off"), "{error}");
+    assert!(error.ends_with("; hint: copy or export the file again"), "{error}");
+}
+
+#[test]
+fn the_error_of_a_damaged_picture_says_so_in_words() {
+    let noise = (0..3 * 64 * 64).map(|i| (i * 7919 % 1000) as f32 / 1000.0).collect();
+    let whole = png_bytes(&LinearImage::from_data(3, 64, 64, noise).unwrap()).unwrap();
+    // The last byte of a chunk of light is that of its checksum.
+    let at = whole.windows(4).position(|name| name == b"IDAT").unwrap();
+    let length = u32::from_be_bytes([whole[at - 4], whole[at - 3], whole[at - 2], whole[at - 1]]) as usize;
+    let mut bytes = whole.clone();
+    bytes[at + 4 + length + 3] ^= 1;
+    let error = load_image_bytes(&bytes, "wrong.png").unwrap_err().to_string();
+    assert_eq!(
+        error,
+        "wrong.png: cannot decode the picture: the file is damaged: its checksum is wrong; hint: copy or export the file again"
+    );
 }
 
 #[test]

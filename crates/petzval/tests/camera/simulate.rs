@@ -81,7 +81,7 @@ fn what_cannot_be_read_is_named_and_nothing_is_written() {
                 "help: give a PNG, JPEG, TIFF, WebP, BMP, OpenEXR or Radiance HDR file",
             ],
         ),
-        (&[&good, "cut.png"], ["cut.png: cannot decode", "it is cut off"]),
+        (&[&good, "cut.png"], ["it is cut off", "help: copy or export the file again"]),
         (&[&good, "--psfs", "shots"], ["--psfs shots: these are captures", "petzval psf-calibrate shots"]),
         (&[&good, "--psfs", "done"], ["--psfs done: these are captures", "are in done/psf-calibration"]),
         (&[&good, "--psfs", "none"], ["none", "results of `petzval psf` or `petzval psf-calibrate`"]),
