@@ -234,12 +234,12 @@ pub enum CaptureError {
         is_one: bool,
     },
     /// The flat frames are darker than the dark ones.
-    #[error("{}: the flat frames are darker than the dark ones at {} of {points} points: are flat and dark swapped?", list.display(), swapped)]
+    #[error("{}: the flat frames are darker than the dark ones at {} of {points} points: are flat and dark swapped? See {}", list.display(), swapped.len(), named(swapped))]
     Swapped {
         /// The list of captures.
         list: PathBuf,
-        /// Points at which they are.
-        swapped: usize,
+        /// Points at which they are: line of the list, and setting in words.
+        swapped: Vec<(u32, String)>,
         /// Flat points with dark ones.
         points: usize,
     },
@@ -285,6 +285,18 @@ pub enum CaptureError {
         /// What is wrong.
         problem: String,
     },
+}
+
+/// Points that an error names.
+const MOST_NAMED: usize = 3;
+
+/// The first points of the list, each with its line.
+fn named(points: &[(u32, String)]) -> String {
+    let first: Vec<String> =
+        points.iter().take(MOST_NAMED).map(|(line, label)| format!("line {line} ({label})")).collect();
+    let more = points.len().saturating_sub(MOST_NAMED);
+    let rest = if more > 0 { format!(" and {more} more") } else { String::new() };
+    format!("{}{rest}", first.join(", "))
 }
 
 fn all_saturated(points: usize, moved: usize, clipped: usize) -> String {

@@ -124,6 +124,8 @@ impl LeftOutFlats {
 pub struct FlatFlags {
     /// The setting in words.
     pub label: String,
+    /// Line of the list where the point begins.
+    pub line: u32,
     /// Its signal above the dark frames.
     pub signal: Signal,
     /// In at least one colour, samples are clipped or the point is beyond the peak of the noise.

@@ -60,8 +60,8 @@ pub fn evaluate_gain(
         if let (Signal::Above, Some(dark)) = (signal, dark) {
             pairs.push(Pair { point: flat.point, flat: &flat.found, dark: &dark.found });
         }
-        let label = flat.flags.label.clone();
-        flat_flags.push(FlatFlags { label, signal, is_saturated: false, is_darker: false });
+        let (label, line) = (flat.flags.label.clone(), flat.point.line);
+        flat_flags.push(FlatFlags { label, line, signal, is_saturated: false, is_darker: false });
     }
 
     // Find the hot pixels. Evaluate each colour: photon transfer, non-uniformity, figures.

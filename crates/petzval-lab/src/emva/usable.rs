@@ -1,7 +1,7 @@
 //! Rejects series from which no sensor can be measured.
 
 use super::captures::{CaptureError, Captures};
-use super::flags::{GainFlags, Signal};
+use super::flags::{FlatFlags, GainFlags, Signal};
 use super::measured::Unresolved;
 use super::result::GainResult;
 
@@ -22,10 +22,10 @@ pub fn check_usable(
     let list = || captures.list.clone();
     let channels = || gains.iter().flat_map(|g| &g.channels);
     let dark = flags.iter().flat_map(|gain| &gain.flats).filter_map(|flat| match flat.signal {
-        Signal::None { signal_dn, standard_error_dn } => Some((signal_dn, standard_error_dn)),
+        Signal::None { signal_dn, standard_error_dn } => Some((signal_dn, standard_error_dn, flat)),
         _ => None,
     });
-    let dark: Vec<(f64, f64)> = dark.collect();
+    let dark: Vec<(f64, f64, &FlatFlags)> = dark.collect();
     let with_signal: usize = gains.iter().filter_map(|g| g.channels.first()).map(|c| c.points.len()).sum();
     let points = dark.len() + with_signal;
     if points == 0 {
@@ -33,11 +33,16 @@ pub fn check_usable(
     }
     let lit = channels().flat_map(|c| &c.points).any(|p| p.signal_dn() > LIGHT_SIGMAS * p.signal_se_dn());
     let below = |least_dn: f64| {
-        let is_below = |(signal, se): &&(f64, f64)| *signal < -(LIGHT_SIGMAS * se).max(least_dn);
-        dark.iter().filter(is_below).count()
+        let is_below =
+            |(signal, se, _): &&(f64, f64, &FlatFlags)| *signal < -(LIGHT_SIGMAS * se).max(least_dn);
+        let found = dark.iter().filter(is_below).map(|(_, _, flat)| (flat.line, flat.label.clone()));
+        let mut found: Vec<(u32, String)> = found.collect();
+        found.sort_unstable();
+        found
     };
-    let swapped = if !lit && below(0.0) == points { points } else { below(SWAPPED_DN) };
-    if swapped > 0 {
+    let all = below(0.0);
+    let swapped = if !lit && all.len() == points { all } else { below(SWAPPED_DN) };
+    if !swapped.is_empty() {
         return Err(CaptureError::Swapped { list: list(), swapped, points });
     }
     if !lit {

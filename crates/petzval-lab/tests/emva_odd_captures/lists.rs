@@ -142,6 +142,10 @@ fn useless_captures_are_refused() {
         error.contains("darker than the dark ones at 4 of 4 points: are flat and dark swapped?"),
         "{error}"
     );
+    // Three of the points are named, by line and setting.
+    assert!(error.contains("See line ") && error.contains(" (flat, gain 1, "), "{error}");
+    assert_eq!(error.matches("(flat, gain 1, ").count(), 3, "{error}");
+    assert!(error.ends_with(" and 1 more"), "{error}");
 
     // No light: the flat frames are dark ones of another time of the day.
     let other = series(&mono(), &Plan { seed: 6, ..one_gain() });
