@@ -46,7 +46,7 @@ pub struct Picture {
 ///
 /// Integer samples are taken as sRGB-encoded. Floating-point samples (TIFF, OpenEXR, Radiance HDR) are linear and may exceed 1;
 /// below zero they are taken as 0, which is noted, and values that are not finite are refused. Gray is copied to three planes; alpha
-/// is composited over black in linear light. Of a file with several pages or layers one is read. The orientation of EXIF and TIFF is
+/// is composited over black in linear light, which is noted. Of a file with several pages or layers one is read. The orientation of EXIF and TIFF is
 /// obeyed, colour profiles and other statements about colour are not; the notes name them. A picture whose reading takes more than 2 GB of
 /// memory is refused before it is decoded: its file twice, its samples, and 12 bytes of light for each pixel.
 pub fn load_image(path: &Path) -> Result<Picture, ImageError> {
@@ -90,8 +90,8 @@ pub fn load_image_bytes(bytes: &[u8], name: &str) -> Result<Picture, ImageError>
                 Err(error) => notes.push(format!("its ICC profile cannot be read ({error}) and is ignored")),
             }
             let head = PictureHead::of(&mut decoder, format, bytes.len() as u64).checked(name)?;
-            let Decoded { light, is_linear, is_transparent } = decoded(decoder, head).map_err(undecodable)?;
-            notes.extend(is_transparent.then(|| TRANSPARENT.to_owned()));
+            let Decoded { light, is_linear, transparent } = decoded(decoder, head).map_err(undecodable)?;
+            notes.extend(transparent.note(light.height * light.width));
             Picture { light, is_linear, notes }
         }
     };
@@ -129,16 +129,44 @@ fn read_hdr(bytes: &[u8], name: &str) -> Result<Picture, ImageError> {
     Ok(Picture { light, is_linear, notes })
 }
 
-/// The note of a picture without an opaque pixel.
-const TRANSPARENT: &str = "every pixel is transparent, and the picture is black; remove its alpha";
+/// Pixels of a picture whose alpha is below its largest value.
+#[derive(Default)]
+struct Transparent {
+    /// All of them.
+    pixels: usize,
+    /// Those whose alpha is 0.
+    clear: usize,
+}
+
+impl Transparent {
+    /// Counts a pixel with this alpha, from 0 to 1.
+    fn add(&mut self, alpha: f32) {
+        self.pixels += usize::from(alpha < 1.0);
+        self.clear += usize::from(alpha == 0.0);
+    }
+
+    /// What is to say of a picture of so many pixels.
+    fn note(&self, all: usize) -> Option<String> {
+        if self.pixels == 0 {
+            return None;
+        }
+        if self.clear == all {
+            return Some("every pixel is transparent, and the picture is black; remove its alpha".to_owned());
+        }
+        let percent = 100.0 * self.pixels as f64 / all as f64;
+        Some(format!(
+            "{} of its {all} pixels ({percent:.2} %) are transparent and darkened as over black; remove its alpha to keep their light",
+            self.pixels
+        ))
+    }
+}
 
 /// The light of a picture, turned the right way up.
 struct Decoded {
     light: LinearImage,
     /// Whether the file holds linear light.
     is_linear: bool,
-    /// Whether alpha is 0 everywhere.
-    is_transparent: bool,
+    transparent: Transparent,
 }
 
 /// Decodes a picture.
@@ -154,28 +182,29 @@ fn decoded(decoder: impl ImageDecoder, head: PictureHead) -> ::image::ImageResul
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     let mut out = LinearImage::zeros(CHANNELS, height, width);
     let plane = height * width;
-    let mut is_transparent = plane > 0;
+    let mut transparent = Transparent::default();
     // Turn a strip at a time into four samples a pixel, which would otherwise be a second picture in memory.
     for top in (0..picture.height()).step_by(STRIP_ROWS as usize) {
         let strip = picture.crop_imm(0, top, picture.width(), STRIP_ROWS.min(picture.height() - top));
         let first = top as usize * width;
         if eight_bit {
             for (i, pixel) in (first..).zip(strip.to_rgba8().pixels()) {
-                is_transparent &= pixel[3] == 0;
+                let alpha = pixel[3] as f32 / 255.0;
+                transparent.add(alpha);
                 for c in 0..CHANNELS {
-                    out.data[c * plane + i] = table[pixel[c] as usize] * (pixel[3] as f32 / 255.0);
+                    out.data[c * plane + i] = table[pixel[c] as usize] * alpha;
                 }
             }
         } else {
             for (i, pixel) in (first..).zip(strip.to_rgba32f().pixels()) {
-                is_transparent &= pixel[3] == 0.0;
+                transparent.add(pixel[3]);
                 for c in 0..CHANNELS {
                     out.data[c * plane + i] = light(pixel[c]) * pixel[3];
                 }
             }
         }
     }
-    Ok(Decoded { light: out, is_linear: linear_file, is_transparent })
+    Ok(Decoded { light: out, is_linear: linear_file, transparent })
 }
 
 /// Encodes a linear image as an 8-bit sRGB PNG. Three or more planes give a colour picture of the first three; fewer give a

@@ -101,14 +101,25 @@ fn gray_and_alpha_become_three_planes() {
 
 #[test]
 fn a_transparent_picture_is_noted() {
-    for (alpha, notes) in [(0, 1), (1, 0)] {
-        let mut bytes = Cursor::new(Vec::new());
-        let mut picture = ImageBuffer::from_pixel(8, 8, ::image::Rgba([200u8, 100, 50, 0]));
-        picture.put_pixel(3, 4, ::image::Rgba([200, 100, 50, alpha]));
-        DynamicImage::ImageRgba8(picture).write_to(&mut bytes, ImageFormat::Png).unwrap();
-        let found = load_image_bytes(bytes.get_ref(), "clear.png").unwrap().notes;
-        assert_eq!(found.len(), notes, "{found:?}");
-        assert!(found.iter().all(|note| note.starts_with("every pixel is transparent")), "{found:?}");
+    // All pixels but one have the first alpha, and one has the second.
+    let every = "every pixel is transparent, and the picture is black";
+    for (most, one, starts) in [
+        (0u8, 0u8, Some(every)),
+        (0, 1, Some("64 of its 64 pixels (100.00 %) are transparent and darkened as over black")),
+        (255, 128, Some("1 of its 64 pixels (1.56 %) are transparent and darkened as over black")),
+        (255, 255, None),
+    ] {
+        let mut eight = ImageBuffer::from_pixel(8, 8, ::image::Rgba([200u8, 100, 50, most]));
+        eight.put_pixel(3, 4, ::image::Rgba([200, 100, 50, one]));
+        let eight = DynamicImage::ImageRgba8(eight);
+        let sixteen = DynamicImage::ImageRgba16(eight.to_rgba16());
+        for picture in [eight, sixteen] {
+            let mut bytes = Cursor::new(Vec::new());
+            picture.write_to(&mut bytes, ImageFormat::Png).unwrap();
+            let found = load_image_bytes(bytes.get_ref(), "clear.png").unwrap().notes;
+            assert_eq!(found.len(), usize::from(starts.is_some()), "{found:?}");
+            assert!(found.iter().all(|note| note.starts_with(starts.unwrap_or("none"))), "{found:?}");
+        }
     }
 }
 
