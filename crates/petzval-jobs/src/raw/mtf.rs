@@ -255,7 +255,7 @@ fn frame_of_raw(request: &Request, raw: &RawFrame, name: &str, context: &Context
     let channels = raw_channels(&values, raw.width, cfa).ok_or_else(|| {
         JobError::input(
             format!("{name}: the mosaic {cfa} is not measured: its colours do not repeat after 1 or 2 pixels in rows and columns"),
-            "develop the frame and measure the picture",
+            instead_of(cfa),
         )
     })?;
     let converter = raw.info.bits.map(|bits| 2f64.powi(bits as i32) - 1.0);
@@ -271,6 +271,34 @@ fn frame_of_raw(request: &Request, raw: &RawFrame, name: &str, context: &Context
         pixel_um: request.pixel_um.or(raw.info.pixel_um),
         ends: [Some(-least_black), white.map(|white| white - black)],
     })
+}
+
+/// The frame to make and measure in place of one whose colours repeat after more than 2 pixels.
+fn instead_of(cfa: CfaPattern) -> String {
+    if let Some((side, binned)) = binned(cfa) {
+        return format!(
+            "average each {side} x {side} pixels of one colour into one pixel, state cfa = \"{binned}\" in the sidecar of that frame, and measure it"
+        );
+    }
+    format!(
+        "write one pixel of each tile of {} x {} to a frame of its own, state cfa = \"mono\" in its sidecar, and measure it",
+        cfa.rows(),
+        cfa.cols()
+    )
+}
+
+/// The Bayer array of squares of one colour, such as those of a quad-Bayer array, and the side of a square, pixels. `None` for other arrays.
+fn binned(cfa: CfaPattern) -> Option<(usize, CfaPattern)> {
+    let side = cfa.rows() / 2;
+    if cfa.rows() != cfa.cols() || cfa.rows() != 2 * side {
+        return None;
+    }
+    let letters =
+        [[0, 0], [0, side], [side, 0], [side, side]].map(|[row, col]| cfa.colour(row, col).letter());
+    let bayer: CfaPattern = letters.iter().collect::<String>().parse().ok()?;
+    let mut places = (0..cfa.rows()).flat_map(|row| (0..cfa.cols()).map(move |col| (row, col)));
+    let is_binned = places.all(|(row, col)| cfa.colour(row, col) == bayer.colour(row / side, col / side));
+    (bayer.is_bayer() && is_binned).then_some((side, bayer))
 }
 
 /// The edge in a region that the request names. A channel without a response is warned of; a region without any is refused.

@@ -259,7 +259,14 @@ fn an_mtf_that_cannot_be_measured_is_refused() {
         (&["edge.png", "--pixel-um", "0"], ["--pixel-um 0: must lie between 0.1 and 1000", "um"]),
         (
             &["edge.png", "--cfa", "RRGG/RRGG/GGBB/GGBB"],
-            ["the mosaic RRGG/RRGG/GGBB/GGBB is not measured", "develop"],
+            [
+                "the mosaic RRGG/RRGG/GGBB/GGBB is not measured",
+                "average each 2 x 2 pixels of one colour into one pixel, state cfa = \"RGGB\"",
+            ],
+        ),
+        (
+            &["edge.png", "--cfa", "RGBG/GRGB/BGRG/GBGR"],
+            ["the mosaic RGBG/GRGB/BGRG/GBGR is not measured", "write one pixel of each tile of 4 x 4"],
         ),
         (
             &["edge.png", "--picture", "--cfa", "RGGB"],
