@@ -33,7 +33,7 @@ pub use interface::{
     DifferentiableIsp, Isp, IspParameter, RgbPicture, check_values, developed_without_gradient,
     smooth_picture, smooth_pull_back,
 };
-pub use merge::{MergeOptions, merge_exposures};
+pub use merge::{MergeOptions, Merged, Motion, merge_exposures};
 pub use notes::Watch;
 pub use settings::{GainKnot, IspPreset, IspSettings};
 pub use smooth::SmoothIsp;

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use petzval_camera::develop::dark_mean_dn;
 use petzval_camera::isp::{
-    BalanceOptions, ExposureOptions, FrameData, MergeOptions, NoiseProfile, RawInput, Statistics,
-    auto_balance, auto_exposure_ev, merge_exposures,
+    BalanceOptions, ExposureOptions, FrameData, MergeOptions, Merged, Motion, NoiseProfile, RawInput,
+    Statistics, auto_balance, auto_exposure_ev, merge_exposures,
 };
 use petzval_camera::sensor::{CfaPattern, Colour, Exposure, SensorModel};
 use petzval_design::library::Library;
@@ -61,6 +61,10 @@ const COARSE: f64 = 0.01;
 
 /// Share of the stated white level below which a pile-up contradicts it.
 const LOW_PILE: f64 = 0.995;
+
+/// Ratio of two exposures, given and stated, over one another, from which they contradict each other. Light that flickers and shutters change
+/// exposures by less.
+const LARGEST_CONTRADICTION: f64 = 1.2;
 
 /// Several raw files as one frame.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -184,23 +188,67 @@ pub(super) fn read_merged(
     for source in sources {
         let (frame, exposure) = read_exposure(*source, options, context)?;
         frames.push(frame);
-        known.extend(exposure);
+        known.push(exposure);
     }
-    let exposures = match &merge.exposures {
-        Some(exposures) => exposures.clone(),
-        None if known.len() == sources.len() => known,
-        None => {
-            let message = "a raw file without `exposure_s`: its exposure is unknown";
-            let hint = "give the relative exposures of all files, such as --exposures 16,4,1";
-            return Err(JobError::setting("exposures", "", message, hint));
-        }
-    };
+    let stated: Option<Vec<f64>> = known.iter().copied().collect();
+    let exposures = merge.exposures.clone().or(stated).ok_or_else(|| {
+        let message = "a raw file without `exposure_s`: its exposure is unknown";
+        let hint = "give the relative exposures of all files, such as --exposures 16,4,1";
+        JobError::setting("exposures", "", message, hint)
+    })?;
     let merged =
         if merge.no_motion_check { MergeOptions { motion_sigmas: None } } else { MergeOptions::default() };
     let first = sources.first().map_or(Path::new(""), Source::path);
-    let mut frame = merge_exposures(&frames, &exposures, &merged).map_err(about_frame(first))?;
+    let Merged { mut frame, motion } =
+        merge_exposures(&frames, &exposures, &merged).map_err(about_frame(first))?;
+    warn_of_exposures(sources, &exposures, &known, context);
+    warn_of_motion(motion, first, context);
     estimate(&mut frame, options).map_err(about_frame(first))?;
     Ok(frame)
+}
+
+/// Warns of exposures that are given and contradict those that two of the frames state.
+fn warn_of_exposures(sources: &[Source<'_>], given: &[f64], known: &[Option<f64>], context: &Context) {
+    let both = given.iter().zip(known).enumerate();
+    let scales: Vec<(usize, f64)> = both
+        .filter_map(|(i, (given, known))| Some((i, given / known.filter(|known| *known > 0.0)?)))
+        .collect();
+    let by_scale = |a: &&(usize, f64), b: &&(usize, f64)| a.1.total_cmp(&b.1);
+    let (Some(least), Some(most)) = (scales.iter().min_by(by_scale), scales.iter().max_by(by_scale)) else {
+        return;
+    };
+    if most.1 <= LARGEST_CONTRADICTION * least.1 {
+        return;
+    }
+    let of_given = given[most.0] / given[least.0];
+    context.warning(WarningKind::RawFrame, format!(
+        "{}: --exposures gives it {} times the exposure of {}, and by `exposure_s` and `linear_gain` of the two frames it has {} times; \
+         --exposures counts, and if it is wrong, so is the merged frame",
+        sources[most.0].path().display(),
+        rounded(of_given),
+        sources[least.0].path().display(),
+        rounded(of_given * least.1 / most.1)
+    ));
+}
+
+/// A number to three digits.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.2e}").parse().unwrap_or(value)
+}
+
+/// Warns if so much of a merged frame was taken as motion that the exposures may be wrong.
+fn warn_of_motion(motion: Motion, path: &Path, context: &Context) {
+    if !motion.is_doubtful() {
+        return;
+    }
+    let percent = |of: usize| 100.0 * motion.moved as f64 / of as f64;
+    context.warning(WarningKind::RawFrame, format!(
+        "{}: {:.0} % of the merged frame was taken as motion, {:.0} % of what is brighter than the noise: the exposures of the files may be \
+         wrong, or the camera moved; --exposures gives them",
+        path.display(),
+        percent(motion.blocks),
+        percent(motion.lit)
+    ));
 }
 
 /// Reads a raw frame, with the product of time and gain if its exposure time is known.

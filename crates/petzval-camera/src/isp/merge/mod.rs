@@ -58,6 +58,47 @@ impl Default for MergeOptions {
     }
 }
 
+/// Shares of the blocks beyond which contradictions are no moving objects: of the blocks that are brighter than the noise, and of the frame. A wrong
+/// exposure contradicts nearly all blocks with light, and objects cover a part of them. A few lamps in the dark may well move together.
+const DOUBTFUL_OF_LIT: f64 = 0.5;
+const DOUBTFUL_OF_FRAME: f64 = 0.05;
+
+/// A merged frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Merged {
+    /// The frame.
+    pub frame: RawInput,
+    /// What was taken as motion; no blocks without the check.
+    pub motion: Motion,
+}
+
+/// Blocks of 2 x 2 pixels in which the exposures contradict each other.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Motion {
+    /// All blocks of the frame.
+    pub blocks: usize,
+    /// Those that are brighter than the noise of at least one exposure.
+    pub lit: usize,
+    /// Those in which the exposures contradict each other.
+    pub moved: usize,
+}
+
+impl Motion {
+    /// Whether so much of the frame is contradicted that the exposures may be wrong.
+    pub fn is_doubtful(&self) -> bool {
+        let moved = self.moved as f64;
+        moved > DOUBTFUL_OF_LIT * self.lit as f64 && moved > DOUBTFUL_OF_FRAME * self.blocks as f64
+    }
+
+    fn and(self, other: Self) -> Self {
+        Self {
+            blocks: self.blocks + other.blocks,
+            lit: self.lit + other.lit,
+            moved: self.moved + other.moved,
+        }
+    }
+}
+
 /// Merges frames of one scene. `exposures` are the products of time and gain, in any unit.
 ///
 /// The frame keeps black and white of the longest exposure. Its noise profile is that of light which saturates none of the exposures,
@@ -67,7 +108,7 @@ pub fn merge_exposures(
     frames: &[RawInput],
     exposures: &[f64],
     options: &MergeOptions,
-) -> Result<RawInput, IspError> {
+) -> Result<Merged, IspError> {
     check(frames, exposures, options)?;
     // The longest exposure first.
     let mut order: Vec<usize> = (0..frames.len()).collect();
@@ -95,18 +136,23 @@ pub fn merge_exposures(
     let highest_dn = (1_i64 << bits) - 1;
     let width = longest.width;
     let mut dn = vec![0_u32; longest.dn.len()];
-    dn.par_chunks_exact_mut(2 * width).enumerate().for_each(|(pair, out)| {
+    let of_rows = dn.par_chunks_exact_mut(2 * width).enumerate().map(|(pair, out)| {
+        let mut found = Motion::default();
         for col in (0..width).step_by(2) {
             let places = [0, 1, width, width + 1].map(|k| k + col);
-            let light = merged_block(&sources, places.map(|k| k + 2 * pair * width), motion);
+            let (light, of_block) = merged_block(&sources, places.map(|k| k + 2 * pair * width), motion);
+            found = found.and(of_block);
             for (place, light) in places.into_iter().zip(light) {
                 let value = (light + black + (1 << (LIGHT_BITS - 1))) >> LIGHT_BITS;
                 out[place] = value.clamp(0, highest_dn) as u32;
             }
         }
+        found
     });
+    let motion = of_rows.reduce(Motion::default, Motion::and);
     let about = merged_data(&order.iter().map(|i| (&frames[*i], ratio(*i))).collect::<Vec<_>>(), unit);
-    Ok(RawInput { height: longest.height, width, dn, bits, cfa: longest.cfa, about })
+    let frame = RawInput { height: longest.height, width, dn, bits, cfa: longest.cfa, about };
+    Ok(Merged { frame, motion })
 }
 
 /// The registers of an exposure, and its pixels.
@@ -173,10 +219,17 @@ struct Reading {
     variance: i64,
 }
 
-/// The light of the four pixels of a block.
-fn merged_block(sources: &[Source], places: [usize; 4], motion: Option<i64>) -> [i64; 4] {
+impl Reading {
+    /// Whether the light is brighter than its noise by a number of standard deviations. `sigmas` is as that of [`disagree`].
+    fn is_lit(&self, sigmas: i64) -> bool {
+        self.light > 0 && self.light.saturating_mul(self.light) > self.variance.saturating_mul(sigmas) >> 8
+    }
+}
+
+/// The light of the four pixels of a block, and its share in the motion of the frame.
+fn merged_block(sources: &[Source], places: [usize; 4], motion: Option<i64>) -> ([i64; 4], Motion) {
     let mut readings = [[Reading::default(); MOST]; 4];
-    let mut has_moved = false;
+    let (mut is_lit, mut has_moved) = (false, false);
     for (place, readings) in places.into_iter().zip(&mut readings) {
         for (source, reading) in sources.iter().zip(readings.iter_mut()) {
             let dn = source.dn(place);
@@ -190,12 +243,18 @@ fn merged_block(sources: &[Source], places: [usize; 4], motion: Option<i64>) -> 
             reading.variance = source.variance(light);
         }
         has_moved |= motion.is_some_and(|sigmas| disagree(readings, best, sigmas));
+        is_lit |= motion.is_some_and(|sigmas| readings.iter().any(|reading| reading.is_lit(sigmas)));
     }
+    let found = Motion {
+        blocks: usize::from(motion.is_some()),
+        lit: usize::from(is_lit || has_moved),
+        moved: usize::from(has_moved),
+    };
     if has_moved {
         let single = single_exposure(sources, &readings);
-        return readings.map(|readings| readings[single].light);
+        return (readings.map(|readings| readings[single].light), found);
     }
-    readings.map(|readings| weighted(&readings[..sources.len()]))
+    (readings.map(|readings| weighted(&readings[..sources.len()])), found)
 }
 
 /// The mean of the exposures by their weights.

@@ -51,7 +51,7 @@ const EXPOSURES: [f64; 3] = [1.0, 1.0 / 8.0, 1.0 / 64.0];
 fn merged(light: impl Fn(usize, usize) -> f64, options: &MergeOptions) -> RawInput {
     let frames: Vec<RawInput> =
         EXPOSURES.iter().enumerate().map(|(k, e)| frame(*e, &light, 7 + k as u64)).collect();
-    merge_exposures(&frames, &EXPOSURES, options).unwrap()
+    merge_exposures(&frames, &EXPOSURES, options).unwrap().frame
 }
 
 /// Light of a merged frame in electrons of the longest exposure.
@@ -110,7 +110,7 @@ fn the_change_of_exposure_leaves_no_seam() {
             .enumerate()
             .map(|(k, e)| frame(*e, |_, col| light(col), 100 + 10 * run + k as u64))
             .collect();
-        let found = electrons(&merge_exposures(&frames, &EXPOSURES, &MergeOptions::default()).unwrap());
+        let found = electrons(&merge_exposures(&frames, &EXPOSURES, &MergeOptions::default()).unwrap().frame);
         (0..found.len()).for_each(|i| sums[i % SIZE.1] += found[i]);
     }
     let count = (RUNS as usize * SIZE.0) as f64;
@@ -145,7 +145,7 @@ fn what_moved_is_shown_once() {
     };
     let of = |bright: f64, options: &MergeOptions| {
         let frames = [frame(1.0, square(64, bright), 1), frame(1.0 / 2.0, square(96, bright), 2)];
-        electrons(&merge_exposures(&frames, &[1.0, 0.5], options).unwrap())
+        electrons(&merge_exposures(&frames, &[1.0, 0.5], options).unwrap().frame)
     };
     let mean = |found: &[f64], cols: std::ops::Range<usize>| {
         let values: Vec<f64> =
@@ -168,6 +168,34 @@ fn what_moved_is_shown_once() {
     let rest = |options| merged(|_, col| 40.0 * col as f64, options).dn;
     let changed = rest(&off).iter().zip(rest(&MergeOptions::default())).filter(|(a, b)| **a != *b).count();
     assert!(changed < SIZE.0 * SIZE.1 / 500, "{changed}");
+}
+
+#[test]
+fn wrong_exposures_contradict_what_is_lit_and_moving_objects_a_part_of_it() {
+    let motion = |frames: &[RawInput], exposures: &[f64]| {
+        merge_exposures(frames, exposures, &MergeOptions::default()).unwrap().motion
+    };
+    // Four fifths of the frame are dark, as at night. The brightest light saturates the longer exposure.
+    let light = |_: usize, col: usize| 400.0 * col.saturating_sub(204) as f64;
+    let frames = [frame(1.0, light, 1), frame(0.125, light, 2)];
+    let right = motion(&frames, &[1.0, 0.125]);
+    assert!(right.lit < right.blocks / 4 && right.moved < right.lit / 20, "{right:?}");
+    assert!(!right.is_doubtful(), "{right:?}");
+    for wrong in [[1.0, 1.0], [0.125, 1.0], [1.0, 0.5]] {
+        let found = motion(&frames, &wrong);
+        assert!(10 * found.moved > 9 * found.lit && found.is_doubtful(), "{wrong:?} {found:?}");
+    }
+    // A bar that moves.
+    let bar = |from: usize| {
+        move |_: usize, col: usize| if (from..from + 16).contains(&col) { 2000.0 } else { 300.0 }
+    };
+    let found = motion(&[frame(1.0, bar(64), 3), frame(0.5, bar(96), 4)], &[1.0, 0.5]);
+    // 32 of 256 columns, in each of which the light changes.
+    assert!((0.1..0.15).contains(&(found.moved as f64 / found.blocks as f64)), "{found:?}");
+    assert!(!found.is_doubtful(), "{found:?}");
+    // Without the check nothing is counted.
+    let off = MergeOptions { motion_sigmas: None };
+    assert_eq!(merge_exposures(&frames, &[1.0, 1.0], &off).unwrap().motion, Motion::default());
 }
 
 #[test]
@@ -196,7 +224,7 @@ fn companded_exposures_are_merged_as_linear_ones() {
         frame.dn.iter_mut().for_each(|dn| *dn = knots.compress(*dn));
     }
     let of = |frames: &[RawInput]| {
-        electrons(&merge_exposures(frames, &[1.0, 0.25], &MergeOptions::default()).unwrap())
+        electrons(&merge_exposures(frames, &[1.0, 0.25], &MergeOptions::default()).unwrap().frame)
     };
     let (a, b) = (of(&linear), of(&companded));
     let apart = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);

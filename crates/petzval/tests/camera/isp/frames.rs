@@ -197,6 +197,18 @@ fn exposures_are_merged_before_they_are_developed() {
     let given = [&merged[..], &["--exposures", "4,1"]].concat();
     develop("given", &given);
     assert_eq!(open("given"), both);
+    // Those of the other order contradict the sidecars and the frames.
+    let quiet = run_ok(folder.path(), &[&["isp", "develop", "--out", "quiet"], &given[..]].concat());
+    assert!(!quiet.says("as motion") && !quiet.says("times the exposure"), "{}", quiet.stderr);
+    let wrong = [&["isp", "develop", "--out", "wrong"], &merged[..], &["--exposures", "1,4"]].concat();
+    let wrong = run_ok(folder.path(), &wrong);
+    for words in [
+        "short/coffee-raw.tiff: --exposures gives it 4 times the exposure of long/coffee-raw.tiff",
+        "of the two frames it has 0.25 times",
+        "of the merged frame was taken as motion",
+    ] {
+        assert!(wrong.says(words), "{words}: {}", wrong.stderr);
+    }
     let refused = [&["isp", "develop", "--out", "no"], &merged[..], &["--exposures", "4,2,1"]].concat();
     run_fails(folder.path(), &refused, 2, &["number of exposures", "one for each frame"]);
 }
