@@ -38,6 +38,14 @@ const FIRST_DEVIATION: f64 = 0.3;
 const PENALTY: f64 = 1e-5;
 const PENALTY_NOISE: f64 = 0.2;
 
+/// A gap between the distances of the pixels above which they lie in narrow groups, pixels, and the least penalty then, of the pixels at a knot.
+///
+/// Within a group the distances differ by little. A path that is a few thousandths of a degree off makes the profile of a soft spline level in each
+/// group, a staircase: MTF50 at 45 degrees was 2 to 8 % low. This penalty keeps the slope from one group to the next. It takes 0.1 % of the modulation
+/// at 0.5 cycles per pixel, and 1.5 % at 0.7, where such pixels end to sample.
+const COARSE_GAP_PX: f64 = 0.5;
+const COARSE_PENALTY: f64 = 1e-2;
+
 /// Share of pixels left out from which they are the reason if there is no profile without them.
 const MANY_LEFT_OUT: f64 = 0.03;
 
@@ -153,11 +161,13 @@ impl<'a> Profile<'a> {
             let squares: f64 = points.iter().map(|p| residual(&spline, p).powi(2)).sum();
             (factor, spline, (squares / points.len().max(1) as f64).sqrt())
         };
-        let (_, _, scatter) = fitted(PENALTY * density);
+        let gap_px = gap_of(points.iter().map(|p| p.distance), blur_px);
+        let least = density * if gap_px > COARSE_GAP_PX { COARSE_PENALTY } else { PENALTY };
+        let (_, _, scatter) = fitted(least);
         if !scatter.is_finite() || !sides.levels.iter().all(|level| level.is_finite()) {
             return Err(SfrError::Uneven { deviation: 1.0 });
         }
-        let (factor, spline, scatter) = fitted((PENALTY * density).max((scatter / PENALTY_NOISE).powi(2)));
+        let (factor, spline, scatter) = fitted(least.max((scatter / PENALTY_NOISE).powi(2)));
         let left_out = is_left_out.iter().filter(|is| **is).count();
         let path = path.clone();
         Ok(Self {
@@ -447,11 +457,7 @@ impl<'a> Profile<'a> {
 
     /// Largest gap between the distances at which pixels sample the blur, pixels. Frequencies to half of its inverse are sampled without ambiguity.
     pub fn gap_px(&self) -> f64 {
-        let near = 2.0 * self.blur_px + 1.0;
-        let mut distances: Vec<f64> =
-            self.points.iter().map(|p| p.distance).filter(|d| d.abs() < near).collect();
-        distances.sort_unstable_by(f64::total_cmp);
-        distances.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max)
+        gap_of(self.points.iter().map(|p| p.distance), self.blur_px)
     }
 
     /// Refuses an edge that the pixels sample too coarsely.
@@ -469,6 +475,14 @@ impl<'a> Profile<'a> {
         }
         Ok(())
     }
+}
+
+/// Largest gap between the distances within the blur, pixels.
+fn gap_of(distances: impl Iterator<Item = f64>, blur_px: f64) -> f64 {
+    let near = 2.0 * blur_px + 1.0;
+    let mut distances: Vec<f64> = distances.filter(|d| d.abs() < near).collect();
+    distances.sort_unstable_by(f64::total_cmp);
+    distances.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max)
 }
 
 /// Why there is no profile without the pixels that are left out: their deviation, unless only few are left out.
