@@ -54,6 +54,7 @@ impl Neighbours {
             return Self::default();
         }
         let pixels = (height * width) as f64;
+        let [own_of_row, own_of_column] = [width, height].map(|line| 1.0 - 1.0 / line as f64);
         let kernel = high_pass.kernel();
         let expected = expected(&kernel);
         let correlation = |[down, right]: [usize; 2]| {
@@ -64,9 +65,14 @@ impl Neighbours {
             });
             let count = height.saturating_sub(down) * width.saturating_sub(right);
             let found = pairs.sum::<f64>() / count.max(1) as f64 / (squares / pixels);
-            // Means of rows and of columns take a share of every correlation along them.
-            let taken = if down == 0 { 1.0 / width as f64 } else { 1.0 / height as f64 };
-            pixels * (found - expected([down, right]) + taken)
+            // Means of rows and of columns take a share of the variance, and of every covariance along them.
+            let of_all = found * own_of_row * own_of_column;
+            let taken = if down == 0 {
+                (1.0 - own_of_row) * own_of_column
+            } else {
+                (1.0 - own_of_column) * own_of_row
+            };
+            pixels * (of_all - expected([down, right]) + taken)
         };
         let of_filter = pixels * high_pass.passed().pixel_correlation;
         Self { pixels, excess: DISTANCES.map(correlation), of_filter }
@@ -166,6 +172,21 @@ mod tests {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
         let values = (0..SIZE * SIZE).map(|_| StandardNormal.sample(&mut rng)).collect();
         Plane { height: SIZE, width: SIZE, values }
+    }
+
+    /// The subtracted means make independent pixels of few lines look correlated.
+    #[test]
+    fn independent_pixels_of_few_lines_have_no_correlation() {
+        for (height, width) in [(8, 1000), (1000, 8)] {
+            let mut all = Neighbours::default();
+            for seed in 0..40 {
+                let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+                let values = (0..height * width).map(|_| StandardNormal.sample(&mut rng)).collect();
+                all.add(&Neighbours::of(&Plane { height, width, values }, HighPass::None));
+            }
+            // 320,000 pixels give each to 0.0018.
+            assert!(all.departures().iter().all(|r| r.abs() < 0.008), "{height}: {:?}", all.departures());
+        }
     }
 
     #[test]
