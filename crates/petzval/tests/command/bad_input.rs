@@ -377,7 +377,7 @@ fn photographs() {
         std::fs::copy(&coffee, here.join("same").join(name)).unwrap();
     }
     for (photos, needles) in [
-        ("empty", &["empty: no .png", "name a folder of pictures"][..]),
+        ("empty", &["empty: no PNG", "name a folder of pictures"][..]),
         ("one", &["one: only one picture", "help: at least two are needed"]),
         ("broken", &["broken/b.png: cannot decode", "use an undamaged PNG"]),
         ("small", &["a.png: 50 x 40 pixels cannot hold a window", "use larger pictures or a smaller crop"]),
