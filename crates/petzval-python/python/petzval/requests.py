@@ -2179,7 +2179,8 @@ class Simulate(TypedDict, total=False):
     gain: float
     """Linear analogue gain."""
     images: list[str]
-    """Photographs (PNG, JPEG, TIFF, WebP, BMP; OpenEXR and Radiance HDR in linear light), spectral images, or `scene:NAME`."""
+    """Photographs (PNG, JPEG, TIFF, WebP, BMP; OpenEXR and Radiance HDR in linear light), spectral images, or
+    `scene:NAME`."""
     isp: str | None
     """An image signal processor whose picture is written beside the developed one: a preset, a file, or `neutral`."""
     lens: str | "SimulateLensInput2LensText1" | "SimulateLensInput2LensText2"
@@ -2920,7 +2921,8 @@ class IspChartCameraRequest(TypedDict, total=False):
     gain: float
     """Linear analogue gain."""
     images: list[str]
-    """Photographs (PNG, JPEG, TIFF, WebP, BMP; OpenEXR and Radiance HDR in linear light), spectral images, or `scene:NAME`."""
+    """Photographs (PNG, JPEG, TIFF, WebP, BMP; OpenEXR and Radiance HDR in linear light), spectral images, or
+    `scene:NAME`."""
     isp: str | None
     """An image signal processor whose picture is written beside the developed one: a preset, a file, or `neutral`."""
     lens: str | "IspChartCameraRequestLensInput2LensText1" | "IspChartCameraRequestLensInput2LensText2"
