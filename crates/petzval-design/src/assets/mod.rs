@@ -11,7 +11,8 @@ use petzval_base::{Cancel, FileError};
 use petzval_camera::isp::Isp;
 use petzval_camera::sensor::SensorModel;
 use petzval_files::{
-    Import, LensFile, decode, parse_lens_start, parse_optiland_start, parse_seq_start, parse_zmx_start,
+    Import, LensFile, SOLVE_RECORD, decode, parse_lens_start, parse_optiland_start, parse_seq_start,
+    parse_zmx_start,
 };
 use petzval_learn::guest::{GuestError, Host};
 use petzval_optics::glass::Catalog;
@@ -256,7 +257,10 @@ impl Assets {
     /// Reports the losses of an import, and doubts about its glasses.
     fn warn_of(&self, name: &str, Import { file, losses, .. }: &Import) -> Result<()> {
         if let Some(warn) = &self.warnings {
-            losses.iter().for_each(|loss| warn(&loss.in_file(Path::new(name))));
+            // Who hands a lens over has changed its numbers, and knows that they no longer fulfil its solve.
+            let is_changed = self.text_in_no_file(name).is_some();
+            let reported = losses.iter().filter(|loss| !(is_changed && loss.record == SOLVE_RECORD));
+            reported.for_each(|loss| warn(&loss.in_file(Path::new(name))));
             for warning in glass_warnings(&file.lens, self.catalog()?.as_ref()) {
                 warn(&format!("{name}: {warning}"));
             }

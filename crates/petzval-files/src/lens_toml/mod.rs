@@ -55,7 +55,7 @@ mod text;
 mod write;
 
 pub use parameter::parameter_name;
-pub use read::{parse_lens, parse_lens_start};
+pub use read::{SOLVE_RECORD, parse_lens, parse_lens_start};
 pub use write::{special_lines, write_lens};
 
 use petzval_optics::design_space::{EflSolve, MagnificationSolve, Pickup, Solves, Variable};

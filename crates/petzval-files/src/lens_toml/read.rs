@@ -28,6 +28,9 @@ const DEFAULT_REFERENCE_UM: f64 = 0.5876;
 /// Two numbers are the same up to this share: files have rounded ones.
 const SAME_NUMBER: f64 = 1e-6;
 
+/// The record of a loss that says that the lens does not fulfil a solve of its file.
+pub const SOLVE_RECORD: &str = "[solve]";
+
 /// A lens has what its solve makes of it up to this share: solves are often written with four digits.
 const SOLVED: f64 = 1e-4;
 
@@ -474,7 +477,7 @@ impl Reader<'_> {
                 "the {what} is {own:.5}{unit} in the file, and its solve makes it {wanted}{unit}: optimisations and designs begin with the solve's, everything \
                  else has the lens of the file"
             );
-            Some(self.contradiction("[solve]", solved.span(), message))
+            Some(self.contradiction(SOLVE_RECORD, solved.span(), message))
         };
         let efl = solve.efl.as_ref().and_then(|text| {
             let own_mm = first_order(&lens.at_wavelength(lens.reference_um)).efl_mm;

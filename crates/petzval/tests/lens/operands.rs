@@ -100,7 +100,10 @@ fn files_that_say_nothing_sensible_are_refused() {
     for (text, needles) in [
         ("spot_weight = 1.0\noperand = []\n", &["there are no operands", "[[operand]]"][..]),
         ("[[operand]]\nof = \"mtf\"\nat_least = 0.5\n", &["frequency_per_mm", "a positive frequency"][..]),
-        ("[[operand]]\nof = \"track\"\nat_least = 5.0\n", &["the figure has no such bound", "at_most for"][..]),
+        (
+            "[[operand]]\nof = \"track\"\nat_least = 5.0\n",
+            &["the figure has no such bound", "at_most for"][..],
+        ),
         ("[[operand]]\nof = \"mft\"\nat_least = 5.0\n", &["mft", "mtf"][..]),
         ("[[operand]]\nof = \"spot\"\nat_most = 5.0\nwaves = true\n", &["only contrast"][..]),
         ("[[operand]]\nof = \"focal-length\"\nat_least = 9.0\nat_most = 8.0\n", &["is above at_most"][..]),
