@@ -1,9 +1,7 @@
 //! What a job is, and the table of all of them.
 
-use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
-use std::sync::LazyLock;
 
 use petzval_base::FileError;
 use schemars::generate::SchemaSettings;
@@ -16,8 +14,6 @@ use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, Result, Stopped};
 use crate::panic_place;
-use crate::schema_range;
-use crate::table::jobs;
 
 /// A verb: a request comes in, a response goes out.
 pub trait Job {
@@ -94,17 +90,6 @@ impl Row {
     /// A request with every default filled in. A request that does not fit the schema is an error with the key that is wrong.
     pub fn filled_in(&self, request: Value) -> Result<Value> {
         (self.filled_in)(request)
-    }
-
-    /// The first number of a request outside the range that its schema gives it, with its key path and a hint. The request fits its schema
-    /// otherwise; a number that it leaves out has its default.
-    pub fn out_of_range(&self, request: &Value) -> Option<FileError> {
-        // Units by the thousand are of one job.
-        static SCHEMAS: LazyLock<BTreeMap<&str, Value>> =
-            LazyLock::new(|| jobs().iter().map(|row| (row.name, row.schema())).collect());
-        let wrong = schema_range::out_of_range(SCHEMAS.get(self.name)?, request)?;
-        let known = || format!("`petzval schema job {}` prints what a request may hold", self.name);
-        Some(FileError { hint: wrong.hint.clone().or_else(|| Some(known())), ..wrong })
     }
 
     /// A request with another seed; none if the job draws nothing at random.

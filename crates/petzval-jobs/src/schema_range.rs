@@ -1,15 +1,33 @@
 //! Numbers of a request outside the ranges of its schema, found before the job runs.
 
+use std::collections::BTreeMap;
+use std::sync::LazyLock;
+
 use petzval_base::FileError;
 use petzval_files::wavelength_hint;
 use serde_json::Value;
 
+use crate::job::Row;
 use crate::range::{number_text, short};
+use crate::table::jobs;
+
+impl Row {
+    /// The first number of a request outside the range that its schema gives it, with its key path and a hint. The request fits its schema
+    /// otherwise; a number that it leaves out has its default.
+    pub fn out_of_range(&self, request: &Value) -> Option<FileError> {
+        // Units by the thousand are of one job.
+        static SCHEMAS: LazyLock<BTreeMap<&str, Value>> =
+            LazyLock::new(|| jobs().iter().map(|row| (row.name, row.schema())).collect());
+        let wrong = out_of_range(SCHEMAS.get(self.name)?, request)?;
+        let known = || format!("`petzval schema job {}` prints what a request may hold", self.name);
+        Some(FileError { hint: wrong.hint.clone().or_else(|| Some(known())), ..wrong })
+    }
+}
 
 /// The first number of a request outside the range that the schema gives it, with its key path and value; none if all are in range.
 ///
 /// Of several forms that a value may have, those count that fit its kind and keys: the number is wrong if it is wrong in all of them.
-pub(crate) fn out_of_range(schema: &Value, request: &Value) -> Option<FileError> {
+fn out_of_range(schema: &Value, request: &Value) -> Option<FileError> {
     Search { root: schema }.first(schema, request, "", Range::ANY)
 }
 

@@ -4,7 +4,7 @@ use petzval_optics::glass::{Near, Status, nearest};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{is_made_by, nd_and_vd, p_gf, status};
+use super::{is_made_by, p_gf, status};
 use crate::context::Context;
 use crate::error::{JobError, Result};
 use crate::range::check_ranges;
@@ -59,7 +59,7 @@ pub struct Found {
 impl From<&Near> for Found {
     fn from(near: &Near) -> Self {
         let glass = &near.glass;
-        let [nd, vd] = nd_and_vd(glass);
+        let [nd, vd] = glass.known_nd_and_vd();
         Self {
             name: glass.name.clone(),
             maker: glass.maker.clone(),

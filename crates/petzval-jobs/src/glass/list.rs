@@ -6,7 +6,7 @@ use petzval_optics::glass::{Catalog, Glass};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{is_made_by, nd_and_vd, status};
+use super::{is_made_by, status};
 use crate::context::Context;
 use crate::error::{JobError, Result};
 
@@ -54,7 +54,7 @@ impl Listed {
             Ok(meant) if *meant != *glass => format!("{}:{}", glass.maker.to_uppercase(), glass.name),
             _ => glass.name.clone(),
         };
-        let [nd, vd] = nd_and_vd(glass);
+        let [nd, vd] = glass.known_nd_and_vd();
         Self {
             name,
             maker: glass.maker.clone(),
@@ -81,7 +81,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
 }
 
 fn agrees_with_print(glass: &Glass) -> Option<bool> {
-    let [nd, vd] = nd_and_vd(glass);
+    let [nd, vd] = glass.known_nd_and_vd();
     let nd = glass.printed_nd.zip(nd).map(|(printed, nd)| printed.agrees(nd));
     let vd = glass.printed_vd.zip(vd).map(|(printed, vd)| printed.agrees(vd));
     match (nd, vd) {

@@ -8,7 +8,7 @@ pub mod show;
 use std::sync::Arc;
 
 use petzval_design::library::Library;
-use petzval_optics::glass::{Glass, LINE_C_UM, LINE_D_UM, LINE_F_UM, LINE_G_UM};
+use petzval_optics::glass::{Glass, LINE_C_UM, LINE_F_UM, LINE_G_UM};
 
 use crate::error::{JobError, Result};
 use crate::finite::finite;
@@ -33,14 +33,6 @@ fn is_made_by(glass: &Glass, maker: Option<&str>) -> bool {
 /// of the infrared.
 fn at_lines(glass: &Glass, lines_um: &[f64], value: f64) -> Option<f64> {
     finite(value).filter(|_| !lines_um.iter().any(|um| glass.is_outside_range(*um)))
-}
-
-/// Index at the d line, and Abbe number.
-pub(crate) fn nd_and_vd(glass: &Glass) -> [Option<f64>; 2] {
-    [
-        at_lines(glass, &[LINE_D_UM], glass.nd()),
-        at_lines(glass, &[LINE_F_UM, LINE_D_UM, LINE_C_UM], glass.abbe_vd()),
-    ]
 }
 
 /// Partial dispersion from the g to the F line.

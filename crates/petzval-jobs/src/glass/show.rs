@@ -5,7 +5,7 @@ use petzval_optics::glass::{Glass, LINE_C_UM, LINE_D_UM, LINE_F_UM, LINE_G_UM};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{at_lines, named, nd_and_vd, p_gf, status};
+use super::{at_lines, named, p_gf, status};
 use crate::context::Context;
 use crate::error::{JobError, Result};
 use crate::range::check_ranges;
@@ -173,7 +173,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
 }
 
 fn figures(glass: &Glass, air: Option<Air>, others_of_this_name: Vec<String>) -> Figures {
-    let [nd, vd] = nd_and_vd(glass);
+    let [nd, vd] = glass.known_nd_and_vd();
     let p_gf = p_gf(glass);
     let on_normal_line = NORMAL_LINE[0] + NORMAL_LINE[1] * glass.abbe_vd();
     let has_formula = |um: f64| !glass.is_outside_range(um) && glass.index(um).is_finite();

@@ -16,7 +16,6 @@ use super::focus::{FocusAt, focused, out_of_focus};
 use crate::context::Context;
 use crate::error::{JobError, Result};
 use crate::finite::finite;
-use crate::glass::nd_and_vd;
 use crate::input::LensInput;
 
 /// The accuracy of spots and illumination: 0.1 %.
@@ -393,7 +392,7 @@ fn warnings(lens: &Lens, order: &FirstOrder, spots: &[Spots]) -> Vec<String> {
 
 fn surfaces(lens: &Lens) -> Vec<Surface> {
     let surfaces = lens.surfaces.iter().enumerate().map(|(i, s)| {
-        let [nd, vd] = nd_and_vd(&s.glass);
+        let [nd, vd] = s.glass.known_nd_and_vd();
         Surface {
             surface: i + 1,
             label: s.label.clone(),

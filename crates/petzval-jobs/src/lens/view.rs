@@ -19,7 +19,6 @@ use super::optimize::Goal;
 use super::show::{of_one_section, unshadowed};
 use crate::context::Context;
 use crate::error::Result;
-use crate::glass::nd_and_vd;
 use crate::input::LensInput;
 use crate::range::check_ranges;
 
@@ -389,7 +388,7 @@ fn rows(file: &LensFile) -> Vec<Row> {
         })
         .collect();
     let row = |(i, s): (usize, &Surface)| {
-        let [nd, vd] = if s.glass.is_air() { [None; 2] } else { nd_and_vd(&s.glass) };
+        let [nd, vd] = if s.glass.is_air() { [None; 2] } else { s.glass.known_nd_and_vd() };
         let of_surface = file.variables.iter().filter(|v| v.surface == i);
         let varies =
             of_surface.map(|v| Varies { parameter: parameter_name(s, v.number), min: v.min, max: v.max });

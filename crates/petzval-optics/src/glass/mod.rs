@@ -171,6 +171,13 @@ impl Glass {
         if spread == 0.0 { f64::INFINITY } else { (self.nd() - 1.0) / spread }
     }
 
+    /// [`nd`](Self::nd) and [`abbe_vd`](Self::abbe_vd); `None` where the formula is known not to hold at their lines, or the value is not finite.
+    pub fn known_nd_and_vd(&self) -> [Option<f64>; 2] {
+        let holds = |lines_um: &[f64]| !lines_um.iter().any(|um| self.is_outside_range(*um));
+        let known = |value: f64, lines_um: &[f64]| Some(value).filter(|v| v.is_finite() && holds(lines_um));
+        [known(self.nd(), &[LINE_D_UM]), known(self.abbe_vd(), &[LINE_F_UM, LINE_D_UM, LINE_C_UM])]
+    }
+
     /// Relative partial dispersion `P_gF = (n_g - n_F) / (n_F - n_C)`; NaN for a medium without dispersion.
     pub fn partial_dispersion_gf(&self) -> f64 {
         let n_f = self.index(LINE_F_UM);

@@ -43,7 +43,7 @@ impl Drawing<'_> {
             (self.fans(view, 0.35))
             g stroke=(INK) stroke-width="1.3" {
                 @for element in &section.elements {
-                    path class="element" fill=(palette::glass(element.vd)) fill-opacity="0.82"
+                    path class="element" fill=(palette::glass(element.vd.unwrap_or(f64::INFINITY))) fill-opacity="0.82"
                         d=(view.path(&element.outline, true)) {}
                 }
             }

@@ -15,10 +15,10 @@ use crate::vector::apply;
 pub struct LayoutElement {
     /// Name of its glass.
     pub glass: String,
-    /// Its index at the d line.
-    pub nd: f64,
-    /// Its Abbe number.
-    pub vd: f64,
+    /// Its index at the d line; `None` where its formula does not hold there.
+    pub nd: Option<f64>,
+    /// Its Abbe number; `None` where its formula does not hold at the lines.
+    pub vd: Option<f64>,
     /// Half its outer diameter, mm.
     pub height_mm: f64,
     /// Middle of its upper and of its lower rim.
@@ -108,6 +108,7 @@ pub(super) fn elements(lens: &Lens, places: &[Place]) -> Vec<LayoutElement> {
         };
         for pair in walls.windows(2) {
             let glass = &media[pair[0]];
+            let [nd, vd] = glass.known_nd_and_vd();
             let [front, rear] = sides(wall(pair[0]), wall(pair[1]), height_mm);
             let ends = |side: &[[f64; 2]]| [side.last().copied(), side.first().copied()];
             let middle = |a: Option<[f64; 2]>, b: Option<[f64; 2]>| match (a, b) {
@@ -117,8 +118,8 @@ pub(super) fn elements(lens: &Lens, places: &[Place]) -> Vec<LayoutElement> {
             let ([front_up, front_down], [rear_up, rear_down]) = (ends(&front), ends(&rear));
             elements.push(LayoutElement {
                 glass: glass.name.clone(),
-                nd: glass.nd(),
-                vd: glass.abbe_vd(),
+                nd,
+                vd,
                 height_mm,
                 rims: [middle(front_up, rear_up), middle(front_down, rear_down)],
                 // Join the front from bottom to top, the ground edge, and the rear from top to bottom.

@@ -86,7 +86,7 @@ export interface FirstOrder {
 }
 
 export interface Layout {
-  elements: { glass: string; nd: number; vd: number; outline: Point[] }[];
+  elements: { glass: string; nd: number | null; vd: number | null; outline: Point[] }[];
   lines: { kind: string; points: Point[] }[];
   rays: { points: Point[]; is_lost: boolean }[][];
   axis: Point[];
