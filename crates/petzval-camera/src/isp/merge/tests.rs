@@ -190,7 +190,7 @@ fn wrong_exposures_contradict_what_is_lit_and_moving_objects_a_part_of_it() {
         move |_: usize, col: usize| if (from..from + 16).contains(&col) { 2000.0 } else { 300.0 }
     };
     let found = motion(&[frame(1.0, bar(64), 3), frame(0.5, bar(96), 4)], &[1.0, 0.5]);
-    // 32 of 256 columns, in each of which the light changes.
+    // The light changes in 32 of the 256 columns.
     assert!((0.1..0.15).contains(&(found.moved as f64 / found.blocks as f64)), "{found:?}");
     assert!(!found.is_doubtful(), "{found:?}");
     // Without the check nothing is counted.
