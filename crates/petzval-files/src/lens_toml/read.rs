@@ -45,6 +45,12 @@ fn with_hint(error: FileError) -> FileError {
     }
 }
 
+/// A number as a message shows it, with twelve significant digits: the sum of 0.1 and 0.2 is 0.30000000000000004, and a radius is computed back from
+/// its curvature. The lens keeps its numbers as they are. Numbers that are not the same by [`SAME_NUMBER`] are shown as different ones.
+fn for_message(value: f64) -> f64 {
+    format!("{value:.11e}").parse().unwrap_or(value)
+}
+
 /// Reads a lens file. Glasses are looked up first in the file's own tables, then in `catalog`.
 pub fn parse_lens(text: &str, catalog: &Catalog) -> Result<LensFile, FileError> {
     Ok(parse_lens_start(text, catalog)?.buildable()?.file)
@@ -451,9 +457,7 @@ impl Reader<'_> {
                 return None;
             }
             let name = text.parameter.get_ref();
-            // With twelve digits: 0.1 and 0.2 make 0.3.
-            let stated = |value: f64| format!("{:.11e}", number.stated(value)).parse().unwrap_or(value);
-            let (own, picked): (f64, f64) = (stated(own), stated(picked));
+            let [own, picked] = [own, picked].map(|value| for_message(number.stated(value)));
             let message = format!(
                 "{name} of surface {} is {own} in the file, and its pickup makes it {picked}: optimisations and designs begin with the pickup's, everything \
                  else has the number of the file",
