@@ -97,6 +97,15 @@ struct Looked {
     image: Image,
 }
 
+/// The pictures of a request.
+struct PictureSet {
+    looked: Vec<Looked>,
+    /// The data set that they are from; none for pictures without labels.
+    data: Option<DataSet>,
+    /// Whether the data set was joined from several files, which numbers its pictures anew.
+    is_joined: bool,
+}
+
 /// As a unit of work.
 pub(crate) const UNIT: AsUnit<Request> =
     AsUnit::placed(|request, folder| request.out = request.out.take().map(|_| folder.to_owned()));
@@ -109,13 +118,7 @@ pub(crate) const UNIT: AsUnit<Request> =
 pub fn run(request: &Request, context: &Context) -> Result<Response> {
     check_ranges(request)?;
     let device = context.device(&request.device)?;
-    let (looked, labelled, is_joined) = match &request.data {
-        Some(place) => {
-            let (looked, data, is_joined) = labelled(place, request.out.as_deref(), context)?;
-            (of_part(looked, request.part.as_deref(), place)?, Some(data), is_joined)
-        }
-        None => (unlabelled(files(&request.images, &request.detector)?)?, None, false),
-    };
+    let PictureSet { looked, data: labelled, is_joined } = pictures_of(request, context)?;
     if let Some(out) = &request.out {
         check_folder(out, ["detections.json", ANNOTATIONS], context)?;
     }
@@ -275,6 +278,16 @@ fn result(image_id: u64, found: &Detection) -> coco::Detection {
     }
 }
 
+/// The pictures that a request names, or those of the part of its data set.
+fn pictures_of(request: &Request, context: &Context) -> Result<PictureSet> {
+    let Some(place) = &request.data else {
+        let looked = unlabelled(files(&request.images, &request.detector)?)?;
+        return Ok(PictureSet { looked, data: None, is_joined: false });
+    };
+    let all = labelled(place, request.out.as_deref(), context)?;
+    Ok(PictureSet { looked: of_part(all.looked, request.part.as_deref(), place)?, ..all })
+}
+
 /// Pictures without labels, numbered from 1.
 fn unlabelled(files: Vec<PathBuf>) -> Result<Vec<Looked>> {
     let looked = |(i, file): (usize, PathBuf)| {
@@ -289,9 +302,8 @@ fn whole_path(file: &Path) -> Result<String> {
     Ok(std::path::absolute(file).map_err(DesignError::io(file))?.display().to_string())
 }
 
-/// The pictures of a data set, the data set, and whether it was joined from several files, which numbers pictures anew. What of it cannot be used
-/// is a warning. Refuses to write into `out` if that would replace the annotations.
-fn labelled(place: &Path, out: Option<&Path>, context: &Context) -> Result<(Vec<Looked>, DataSet, bool)> {
+/// The pictures of a data set. What of it cannot be used is a warning. Refuses to write into `out` if that would replace the annotations.
+fn labelled(place: &Path, out: Option<&Path>, context: &Context) -> Result<PictureSet> {
     let mut loaded = load_coco(place, context.cancel())?;
     loaded.check_form()?;
     let whole = |path: &Path| path.canonicalize().ok();
@@ -317,7 +329,7 @@ fn labelled(place: &Path, out: Option<&Path>, context: &Context) -> Result<(Vec<
         let message = format!("{}: no picture of this data set can be used", place.display());
         return Err(JobError::input(message, "`data check` says what is wrong with it"));
     }
-    Ok((looked, loaded.data, loaded.file.is_dir()))
+    Ok(PictureSet { looked, is_joined: loaded.file.is_dir(), data: Some(loaded.data) })
 }
 
 /// The pictures of a part of the data set.
