@@ -3,8 +3,11 @@
 
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
+use std::sync::Arc;
 
+use burn::prelude::Device;
 use petzval_base::reason_and_hint;
+use petzval_camera::psf::PsfBank;
 use petzval_files::psf_file::{AXES_FILE, read_psfs, write_psfs};
 use petzval_files::{FloatType, write_lens};
 use sha2::{Digest, Sha256};
@@ -13,13 +16,14 @@ use crate::assets::Assets;
 use crate::camera::optics_proxy::FILES;
 use crate::error::{DesignError, Result};
 use crate::experiment::{Experiment, is_derived_lens};
+use crate::library::Library;
 use crate::path_text::path_text;
 use crate::run::first_reads;
 use crate::run::input_list::{BUILT_IN, InputList, Pictures};
 use crate::run::{ChangedFile, DigestCheck, Digests, RunFolder, RunRecord, hex, write_file};
 use crate::scoring::Scorer;
 use crate::setup::Setup;
-use crate::task::{Content, WindowInputs};
+use crate::task::{Content, Purpose, WindowInputs};
 
 /// Folder of the PSFs of a file, below that of the inputs.
 const PSFS: &str = "psfs";
@@ -200,9 +204,34 @@ fn make_parent(path: &Path) -> Result<()> {
     std::fs::create_dir_all(folder).map_err(DesignError::io(folder))
 }
 
+/// What the setup of a run is needed for.
+#[derive(Clone, Copy)]
+pub enum SetupFor<'p> {
+    /// Its cameras, without windows.
+    Cameras,
+    /// Windows for a purpose, with PSFs in place of those of every lens, if there are any.
+    Windows(Purpose, Option<&'p Arc<PsfBank>>),
+}
+
+/// The setup of a run for its experiment, as [`Library::experiment_of_run`] or [`Library::experiment_in`] reads it. An error names the files of the
+/// folder `inputs` that were changed since the run kept them.
+pub fn setup_of_run(
+    run: &RunFolder,
+    experiment: Experiment,
+    library: &Library,
+    device: Device,
+    needed: SetupFor<'_>,
+) -> Result<Setup> {
+    let setup = match needed {
+        SetupFor::Cameras => Setup::without_windows(experiment, library, device),
+        SetupFor::Windows(purpose, psfs) => Setup::with_psfs(experiment, library, device, psfs, purpose),
+    };
+    setup.map_err(|error| blamed_on_inputs(error, run))
+}
+
 /// The error of the setup of a run. Where the folder `inputs` holds other files than the run kept there, the error names them: a lens that was
 /// changed there may fit neither the experiment nor itself.
-pub fn blamed_on_inputs(error: DesignError, run: &RunFolder) -> DesignError {
+fn blamed_on_inputs(error: DesignError, run: &RunFolder) -> DesignError {
     let changes = DigestCheck::new(run, &[], &|_| {}).changes("inputs").unwrap_or_default();
     if changes.is_empty() || error.is_stopped() {
         return error;

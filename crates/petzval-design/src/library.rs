@@ -230,7 +230,8 @@ impl Library {
         }
     }
 
-    /// The experiment that a run was made from, by its record; that of its `config.toml` if it has none.
+    /// The experiment that a run was made from, by its record; that of its `config.toml` if it has none. Its setup is made by
+    /// [`setup_of_run`](crate::inputs::setup_of_run).
     pub fn experiment_of_run(&self, run: &RunFolder) -> Result<Experiment> {
         let config = match RunRecord::read(run)? {
             Some(record) => record.config,

@@ -41,13 +41,13 @@ impl Deref for Setup {
 }
 
 impl Setup {
-    /// An experiment with the windows for its training and its scores.
+    /// An experiment with the windows for its training and its scores. That of a run is set up by [`setup_of_run`](crate::inputs::setup_of_run).
     pub fn new(experiment: Experiment, library: &Library, device: Device) -> Result<Self> {
         Self::with_psfs(experiment, library, device, None, Purpose::Training)
     }
 
     /// The same for a purpose, with PSFs in place of those of every lens, if there are any.
-    pub fn with_psfs(
+    pub(crate) fn with_psfs(
         experiment: Experiment,
         library: &Library,
         device: Device,

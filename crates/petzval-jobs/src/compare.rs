@@ -3,11 +3,10 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use petzval_design::inputs::{blamed_on_inputs, check_parts_or_accepted};
+use petzval_design::inputs::{SetupFor, check_parts_or_accepted, setup_of_run};
 use petzval_design::report::comparison::{ComparedDifference, Comparison, compare, comparison_csv};
 use petzval_design::report::run_report::report_of_run;
 use petzval_design::run::{DigestCheck, RunFolder, check_accepted};
-use petzval_design::setup::Setup;
 use petzval_design::study::MeanAndDeviation;
 use petzval_learn::score::ScoreDescription;
 use petzval_report::comparison::{Group, SHOWN, TextTable, page};
@@ -97,9 +96,8 @@ fn check_inputs(request: &Request, context: &Context, warn: &dyn Fn(&str)) -> Re
     let silent = context.assets.clone().reporting_warnings(Arc::new(|_: &str| ()));
     for run in &request.runs {
         let folder = RunFolder::open(run)?;
-        let setup =
-            Setup::without_windows(silent.experiment_of_run(&folder)?, &silent, context.device("cpu")?)
-                .map_err(|error| blamed_on_inputs(error, &folder))?;
+        let (experiment, device) = (silent.experiment_of_run(&folder)?, context.device("cpu")?);
+        let setup = setup_of_run(&folder, experiment, &silent, device, SetupFor::Cameras)?;
         let check = DigestCheck::new(&folder, &request.accept_changed, warn);
         check_parts_or_accepted(&setup, &folder, &check)?;
     }
@@ -146,7 +144,8 @@ fn check_endings(request: &Request) -> Result<()> {
 fn group(comparison: &Comparison, context: &Context) -> Result<Group> {
     let folder = RunFolder::open(&comparison.runs[0])?;
     let experiment = context.assets.experiment_of_run(&folder)?;
-    let setup = Setup::without_windows(experiment, &context.assets, context.device("cpu")?)?;
+    let device = context.device("cpu")?;
+    let setup = setup_of_run(&folder, experiment, &context.assets, device, SetupFor::Cameras)?;
     let mut report = report_of_run(&setup, &folder, "")?;
     warn_of_missing_pictures(&report, context);
     report.pictures.truncate(SHOWN);

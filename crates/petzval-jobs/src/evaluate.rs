@@ -11,7 +11,7 @@ use petzval_design::camera::Camera;
 use petzval_design::design_loop::{finished_camera, set_sight};
 use petzval_design::experiment::{Experiment, PsfsBy};
 use petzval_design::inputs::{
-    blamed_on_inputs, check_inputs, check_inputs_or_accepted, check_parts_or_accepted,
+    SetupFor, check_inputs, check_inputs_or_accepted, check_parts_or_accepted, setup_of_run,
 };
 use petzval_design::made_cameras::{MadeError, TrialPlan, made_cameras, symmetric};
 use petzval_design::report::run_report::{camera_lens, read_metrics};
@@ -281,10 +281,10 @@ fn setup(
     context: &Context,
 ) -> Result<(Setup, Option<Others>)> {
     let device = || context.device(&request.device);
+    let training = SetupFor::Windows(Purpose::Training, given);
     let Some(place) = place else {
         check_pictures_are_there(folder, &experiment, context.assets.facts_of(&experiment)?.pictures)?;
-        let setup = Setup::with_psfs(experiment, &context.assets, device()?, given, Purpose::Training)
-            .map_err(|error| blamed_on_inputs(error, folder))?;
+        let setup = setup_of_run(folder, experiment, &context.assets, device()?, training)?;
         check_inputs_or_accepted(&setup, folder, check)?;
         return Ok((setup, None));
     };
@@ -293,7 +293,7 @@ fn setup(
     pictures_of_run(folder, &mut experiment, key, Some(place))?;
     // Pictures of the run that were moved are known by their content.
     let silent = context.assets.clone().reporting_warnings(Arc::new(|_: &str| ()));
-    if let Ok(setup) = Setup::with_psfs(experiment.clone(), &silent, device()?, given, Purpose::Training)
+    if let Ok(setup) = setup_of_run(folder, experiment.clone(), &silent, device()?, training)
         && check_inputs(&setup, folder).is_ok()
     {
         context
@@ -310,8 +310,8 @@ fn setup(
             hint,
         ));
     }
-    let setup = Setup::with_psfs(experiment, &context.assets, device()?, given, Purpose::Scores)
-        .map_err(|error| blamed_on_inputs(error, folder))?;
+    let scores = SetupFor::Windows(Purpose::Scores, given);
+    let setup = setup_of_run(folder, experiment, &context.assets, device()?, scores)?;
     check_parts_or_accepted(&setup, folder, check)?;
     let [trained_on, count] = trained.count_in(&setup)?;
     let place = place.display();

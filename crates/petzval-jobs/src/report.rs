@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use petzval_camera::image::LinearImage;
 use petzval_design::error::DesignError;
-use petzval_design::inputs::{blamed_on_inputs, check_parts_or_accepted};
+use petzval_design::inputs::{SetupFor, check_parts_or_accepted, setup_of_run};
 use petzval_design::report::run_report::read_metrics;
 use petzval_design::run::picture_names::whole_name;
 use petzval_design::run::{DigestCheck, RunFolder, write_file};
@@ -53,8 +53,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     check_figures(&read_metrics(&folder)?, &check)?;
     warn_of_changed_config(&folder, context)?;
     let experiment = context.assets.experiment_of_run(&folder)?;
-    let setup = Setup::without_windows(experiment, &context.assets, context.device("cpu")?)
-        .map_err(|error| blamed_on_inputs(error, &folder))?;
+    let device = context.device("cpu")?;
+    let setup = setup_of_run(&folder, experiment, &context.assets, device, SetupFor::Cameras)?;
     check_parts_or_accepted(&setup, &folder, &check)?;
     if let Some(photo) = &request.photo {
         take_whole_frames(&setup, &folder, photo, context)?;

@@ -2,11 +2,10 @@
 
 use std::path::PathBuf;
 
-use petzval_design::inputs::{blamed_on_inputs, check_parts_or_accepted};
+use petzval_design::inputs::{SetupFor, check_parts_or_accepted, setup_of_run};
 use petzval_design::report::run_report::{read_metrics, report_so_far};
 use petzval_design::run::{DigestCheck, RunFolder};
 use petzval_design::scoring::collect_so_far;
-use petzval_design::setup::Setup;
 use petzval_report::design_report::html;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -39,8 +38,8 @@ pub struct Response {
 pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let folder = RunFolder::open(&request.run)?;
     let experiment = context.assets.experiment_of_run(&folder)?;
-    let setup = Setup::without_windows(experiment, &context.assets, context.device("cpu")?)
-        .map_err(|error| blamed_on_inputs(error, &folder))?;
+    let device = context.device("cpu")?;
+    let setup = setup_of_run(&folder, experiment, &context.assets, device, SetupFor::Cameras)?;
     if folder.metrics().is_file() {
         let warn = |text: &str| context.warning(WarningKind::ChangedFile, text);
         let check = DigestCheck::new(&folder, &[], &warn);

@@ -12,10 +12,11 @@ use petzval_design::block::{Batch, Block, Blocks, Sight, loss_by_numbers, losses
 use petzval_design::camera::{Camera, Shot};
 use petzval_design::design_loop::set_sight;
 use petzval_design::experiment::Variant;
-use petzval_design::inputs::{blamed_on_inputs, check_parts_or_accepted};
+use petzval_design::inputs::{SetupFor, check_parts_or_accepted, setup_of_run};
 use petzval_design::report::run_report::camera_lens;
 use petzval_design::run::{DigestCheck, Kept, RunFolder, load_blocks};
 use petzval_design::setup::Setup;
+use petzval_design::task::Purpose;
 use petzval_files::lens_toml::parameter_name;
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::{Lens, ObjectDistance, Surface};
@@ -241,8 +242,9 @@ fn ready(request: &Request, start: Option<&str>, context: &Context) -> Result<Re
     let device = context.device("cpu")?;
     if let Some(run) = &request.run {
         let folder = RunFolder::open(run)?;
-        let setup = Setup::new(context.assets.experiment_of_run(&folder)?, &context.assets, device)
-            .map_err(|error| blamed_on_inputs(error, &folder))?;
+        let experiment = context.assets.experiment_of_run(&folder)?;
+        let needed = SetupFor::Windows(Purpose::Training, None);
+        let setup = setup_of_run(&folder, experiment, &context.assets, device, needed)?;
         let finished = folder.finished(setup.variants.iter().map(|variant| variant.name.as_str()));
         let name = match &request.camera {
             Some(name) if finished.contains(&name.as_str()) => name.clone(),

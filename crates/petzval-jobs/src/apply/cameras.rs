@@ -6,7 +6,7 @@ use petzval_camera::image::LinearImage;
 use petzval_camera::render::Placement;
 use petzval_camera::sensor::{Capture, Noise, NoiseMode, SensorModel};
 use petzval_design::camera::{Camera, Labels, Shot};
-use petzval_design::inputs::{blamed_on_inputs, check_parts_or_accepted};
+use petzval_design::inputs::{SetupFor, check_parts_or_accepted, setup_of_run};
 use petzval_design::run::{DigestCheck, RunFolder, RunRecord};
 use petzval_design::setup::Setup;
 use petzval_design::task::Drawn;
@@ -165,8 +165,8 @@ impl Chosen {
         let warn = |text: &str| context.warning(WarningKind::ChangedFile, text);
         let check = DigestCheck::of_request(&folder, accept_changed, &warn)?;
         check.check_cameras(names.iter().map(String::as_str))?;
-        let setup = Setup::without_windows(experiment, &context.assets, context.device(device)?)
-            .map_err(|error| blamed_on_inputs(error, &folder))?;
+        let device = context.device(device)?;
+        let setup = setup_of_run(&folder, experiment, &context.assets, device, SetupFor::Cameras)?;
         check_parts_or_accepted(&setup, &folder, &check)?;
         Ok(Self { names, setup, folder })
     }

@@ -13,7 +13,7 @@ use petzval_design::error::DesignError;
 pub use petzval_design::experiment::Settings;
 use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, PicturesKey, STREET};
 use petzval_design::first_look::first_look;
-use petzval_design::inputs::{Inputs, blamed_on_inputs, check_inputs, keep_inputs};
+use petzval_design::inputs::{Inputs, SetupFor, check_inputs, keep_inputs, setup_of_run};
 use petzval_design::path_text::path_text;
 use petzval_design::plausible::check;
 use petzval_design::run::input_list::{InputList, check_pictures_are_there};
@@ -23,7 +23,7 @@ use petzval_design::run::{
 use petzval_design::scalar_log::ScalarLog;
 use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
-use petzval_design::task::Remark;
+use petzval_design::task::{Purpose, Remark};
 use petzval_learn::Device;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -236,8 +236,9 @@ fn run_from(request: &Request, context: &Context) -> Result<Response> {
             let pictures = pictures_now(key, resume.photos.as_deref(), resume.data.as_deref())?;
             let experiment = context.assets.experiment_in(&folder, config.clone(), pictures)?;
             check_pictures_are_there(&folder, &experiment, key)?;
-            let setup =
-                set_up(experiment, device, context).map_err(|error| blamed_on_inputs(error, &folder))?;
+            note_check_of_pictures(&experiment, context);
+            let needed = SetupFor::Windows(Purpose::Training, None);
+            let setup = setup_of_run(&folder, experiment, &context.assets, device, needed)?;
             remember_pictures(check_inputs(&setup, &folder)?, &folder)?;
             Gate { device: &request.device, setup: &setup, folder: &folder }.pass(context)?;
             extension = (config != record.config).then_some((record, config));
@@ -396,7 +397,8 @@ fn looked_at(
 ) -> Result<(Setup, FirstLook, Context, Option<usize>)> {
     let NewExperiment { experiment, context: own, usual_steps } = prepared(new, context)?;
     check_root(new, &experiment, context)?;
-    let setup = set_up(experiment, device, &own)?;
+    note_check_of_pictures(&experiment, &own);
+    let setup = Setup::new(experiment, &own.assets, device)?;
     let name = new.experiment.name();
     let source = if is_lens(&name, &own) {
         // There is no file of the experiment to show.
@@ -411,12 +413,11 @@ fn looked_at(
     Ok((setup, look, own, usual_steps))
 }
 
-/// Everything that the experiment needs. Every picture of a data set is decoded to find damaged ones, which takes minutes for thousands of them.
-fn set_up(experiment: Experiment, device: Device, context: &Context) -> Result<Setup, DesignError> {
+/// Says that the setup decodes every picture of a data set to find damaged ones, which takes minutes for thousands of them.
+fn note_check_of_pictures(experiment: &Experiment, context: &Context) {
     if experiment.data != STREET {
         context.note(format!("checking every picture of {}", experiment.data));
     }
-    Setup::new(experiment, &context.assets, device)
 }
 
 /// Lists the training, held-out and skipped pictures, and what their files say that is not obeyed: this is returned as well.

@@ -7,11 +7,10 @@ use petzval_design::camera::Camera;
 use petzval_design::design_loop::set_sight;
 use petzval_design::error::DesignError;
 use petzval_design::experiment::STREET;
-use petzval_design::inputs::{blamed_on_inputs, check_parts_or_accepted};
+use petzval_design::inputs::{SetupFor, check_parts_or_accepted, setup_of_run};
 use petzval_design::report::run_report::camera_lens;
 use petzval_design::run::input_list::{InputList, Pictures};
 use petzval_design::run::{DigestCheck, Kept, RunFolder, load_blocks};
-use petzval_design::setup::Setup;
 use petzval_design::task::objects::{detector_of, untrained};
 use petzval_design::trained_pictures::TrainedPictures;
 use petzval_learn::Device;
@@ -207,8 +206,8 @@ pub fn finder(
             let camera = match raw {
                 Some(_) => {
                     let name = name.to_owned();
-                    let setup = Setup::without_windows(experiment, &context.assets, device.clone())
-                        .map_err(|error| blamed_on_inputs(error, &folder))?;
+                    let needed = SetupFor::Cameras;
+                    let setup = setup_of_run(&folder, experiment, &context.assets, device.clone(), needed)?;
                     check_parts_or_accepted(&setup, &folder, &check)?;
                     let camera = camera_of(&setup, &folder, &name)?;
                     camera.check_sees_frames()?;
