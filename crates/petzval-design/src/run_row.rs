@@ -11,7 +11,9 @@ use crate::error::{DesignError, Result};
 use crate::experiment::Experiment;
 use crate::library::Library;
 use crate::report::run_report::read_metrics;
-use crate::run::{CameraMetrics, DigestCheck, RunFolder, RunRecord, read_events, read_json, seconds_of};
+use crate::run::{
+    CameraMetrics, DigestCheck, Event, RunFolder, RunRecord, read_events, read_json, seconds_of,
+};
 
 /// How a run stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
@@ -85,54 +87,83 @@ pub fn is_run(folder: &Path) -> bool {
 
 /// A run in one row. A folder that cannot be read is a row as well, with the reason.
 pub fn run_row(folder: &Path, library: &Library) -> RunRow {
-    let mut row = RunRow {
-        run: folder.to_path_buf(),
-        experiment: String::new(),
-        state: RunState::Stopped,
-        reason: None,
-        step: 0,
-        total: 0,
-        camera: None,
-        scores: Vec::new(),
-        seconds: 0.0,
-        begun: String::new(),
-        differs: BTreeMap::new(),
-        values: BTreeMap::new(),
-    };
-    if let Err(error) = fill(&mut row, folder, library) {
-        row.state = RunState::Damaged;
-        row.reason = Some(error.to_string());
+    match RunFiles::read(folder, library) {
+        Ok(files) => files.row(),
+        Err(error) => RunRow::empty(folder).damaged(error.to_string()),
     }
-    row
 }
 
-/// Fills a row with what can be read; what was read before an error stays.
-fn fill(row: &mut RunRow, folder: &Path, library: &Library) -> Result<()> {
-    let run = RunFolder::open(folder)?;
-    let record = RunRecord::read(&run)?;
-    if let Some(record) = &record {
-        row.begun.clone_from(&record.begun);
+/// What the files of a run say that it is and how far it has come, as they were read. The error of a damaged file stands in its place.
+pub struct RunFiles {
+    /// The folder.
+    pub folder: RunFolder,
+    /// The record; none in a folder of a version that kept none.
+    pub record: Result<Option<RunRecord>>,
+    /// The values of its `config.toml`.
+    pub experiment: Result<Experiment>,
+    /// The events of its steps; empty where there is no log.
+    pub events: Result<Vec<Event>>,
+}
+
+impl RunFiles {
+    /// Reads the files. Fails if the folder is not that of a run.
+    pub fn read(folder: &Path, library: &Library) -> Result<Self> {
+        let folder = RunFolder::open(folder)?;
+        let log = folder.events();
+        Ok(Self {
+            record: RunRecord::read(&folder),
+            experiment: library.config_of_run(&folder),
+            events: if log.exists() { read_events(&log) } else { Ok(Vec::new()) },
+            folder,
+        })
     }
-    let experiment = library.config_of_run(&run)?;
-    row.experiment.clone_from(&experiment.name);
-    row.values = experiment.values();
-    row.total = experiment
-        .variants()
-        .iter()
-        .map(|v| v.stages.iter().map(|s| s.steps()).sum::<usize>() as u64 + 1)
-        .sum();
-    if run.events().exists() {
-        let events = read_events(&run.events())?;
-        row.step = events.last().map_or(0, |event| event.step);
-        row.seconds = seconds_of(&events);
+
+    /// The run in one row, also where a file of it is damaged.
+    pub fn row(&self) -> RunRow {
+        let mut row = RunRow::empty(self.folder.root());
+        match self.fill(&mut row) {
+            Ok(()) => row,
+            Err(reason) => row.damaged(reason),
+        }
     }
-    let finish = record.as_ref().and_then(|record| record.finished.as_ref());
+
+    /// Fills a row with what can be read; what was read before an error stays. The error is the reason, in words.
+    fn fill(&self, row: &mut RunRow) -> Result<(), String> {
+        let record = self.record.as_ref().map_err(ToString::to_string)?.as_ref();
+        if let Some(record) = record {
+            row.begun.clone_from(&record.begun);
+        }
+        let experiment = self.experiment.as_ref().map_err(ToString::to_string)?;
+        row.experiment.clone_from(&experiment.name);
+        row.values = experiment.values();
+        row.total = experiment
+            .variants()
+            .iter()
+            .map(|v| v.stages.iter().map(|s| s.steps()).sum::<usize>() as u64 + 1)
+            .sum();
+        let events = self.events.as_ref().map_err(ToString::to_string)?;
+        if let Some(last) = events.last() {
+            row.step = last.step;
+            row.seconds = seconds_of(events);
+        }
+        fill_outcome(row, &self.folder, record, experiment).map_err(|error| error.to_string())
+    }
+}
+
+/// Fills a row with the state of the run and the scores that it has by now.
+fn fill_outcome(
+    row: &mut RunRow,
+    run: &RunFolder,
+    record: Option<&RunRecord>,
+    experiment: &Experiment,
+) -> Result<()> {
+    let finish = record.and_then(|record| record.finished.as_ref());
     if run.metrics().exists() {
         // Runs of earlier versions have no digests, and a table says so of none of its rows.
-        if let Some(change) = DigestCheck::new(&run, &[], &|_| {}).changes("")?.first() {
+        if let Some(change) = DigestCheck::new(run, &[], &|_| {}).changes("")?.first() {
             return Err(DesignError::Run { path: run.root().to_path_buf(), problem: change.to_string() });
         }
-        let metrics = read_metrics(&run)?;
+        let metrics = read_metrics(run)?;
         // Cameras cannot be made again alone: without one of them the run is not what it was.
         if let Some(missing) = metrics.rows.iter().find(|row| !run.camera_metrics(&row.camera).is_file()) {
             let problem = format!("cameras/{}/metrics.json is missing", missing.camera);
@@ -148,7 +179,7 @@ fn fill(row: &mut RunRow, folder: &Path, library: &Library) -> Result<()> {
         return Err(DesignError::Run { path: run.root().to_path_buf(), problem });
     }
     row.state = if run.is_at_work() { RunState::Running } else { RunState::Stopped };
-    row.take(&finished_cameras(&run, &experiment)?, &scores_so_far(record.as_ref(), &experiment));
+    row.take(&finished_cameras(run, experiment)?, &scores_so_far(record, experiment));
     Ok(())
 }
 
@@ -167,6 +198,29 @@ pub fn finished_cameras(run: &RunFolder, experiment: &Experiment) -> Result<Vec<
 }
 
 impl RunRow {
+    /// A run of which nothing is known yet but its folder.
+    fn empty(folder: &Path) -> Self {
+        Self {
+            run: folder.to_path_buf(),
+            experiment: String::new(),
+            state: RunState::Stopped,
+            reason: None,
+            step: 0,
+            total: 0,
+            camera: None,
+            scores: Vec::new(),
+            seconds: 0.0,
+            begun: String::new(),
+            differs: BTreeMap::new(),
+            values: BTreeMap::new(),
+        }
+    }
+
+    /// The same row of a damaged run, with what is damaged.
+    fn damaged(self, reason: String) -> Self {
+        Self { state: RunState::Damaged, reason: Some(reason), ..self }
+    }
+
     /// Takes the scores of the last camera that is no ceiling.
     fn take(&mut self, cameras: &[CameraMetrics], scores: &[ScoreDescription]) {
         let Some(camera) = cameras.iter().rfind(|camera| !camera.is_ceiling).or(cameras.last()) else {

@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use petzval_design::experiment::{BlockName, Stage, Variant};
 use petzval_design::pace::TimeLeft;
 use petzval_design::report::run_report::read_metrics;
-use petzval_design::run::{CameraMetrics, Event, Holder, RunFolder, RunRecord, SCORE, read_events};
+use petzval_design::run::{CameraMetrics, Event, Holder, RunFolder, SCORE};
 use petzval_design::run_progress::time_left;
-use petzval_design::run_row::{RunRow, finished_cameras, run_row, scores_so_far};
+use petzval_design::run_row::{RunFiles, RunRow, finished_cameras, scores_so_far};
 use petzval_learn::score::ScoreDescription;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -116,16 +116,16 @@ pub struct StepLens {
 /// Looks at the run. Nothing in its folder is changed.
 pub fn run(request: &Request, context: &Context) -> Result<Response> {
     check_ranges(request)?;
-    let folder = RunFolder::open(&request.run)?;
-    let row = run_row(&request.run, &context.assets);
-    let experiment = context.assets.config_of_run(&folder)?;
-    let events = if folder.events().exists() { read_events(&folder.events())? } else { Vec::new() };
+    let files = RunFiles::read(&request.run, &context.assets)?;
+    let row = files.row();
+    let RunFiles { folder, record, experiment, events } = files;
+    let (experiment, events) = (experiment?, events?);
     let variants = experiment.variants();
     let cameras = finished_cameras(&folder, &experiment)?;
     let scores = if folder.metrics().is_file() {
         read_metrics(&folder)?.scores
     } else {
-        scores_so_far(RunRecord::read(&folder)?.as_ref(), &experiment)
+        scores_so_far(record?.as_ref(), &experiment)
     };
     let (steps, every) = thinned(&events, request);
     Ok(Response {
