@@ -1,13 +1,12 @@
 //! The blend of patches against the PSF that is traced for each place.
 
-use std::path::Path;
-
 use petzval_camera::psf::PsfBank;
 use petzval_camera::render::{PatchKernels, RenderGeometry, blend_error, patch_kernels, with_patches_for};
-use petzval_design::assets::Assets;
 use petzval_design::lens::psf_plan::PsfPlan;
 use petzval_optics::psf::PsfOptions;
 use petzval_optics::pupil::Quadrature;
+
+use crate::common::library;
 
 /// A grid of patches so fine that one patch is a place: 5 rows by 8 columns.
 const PLACES: (usize, usize) = (240, 240);
@@ -56,8 +55,7 @@ fn difference(
 
 #[test]
 fn the_chosen_patches_blend_to_the_stated_error() {
-    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data");
-    let lens = Assets::from_folder(&data).unwrap().lens("cooke-triplet-nominal").unwrap().lens;
+    let lens = library().lens("cooke-triplet-nominal").unwrap().lens;
     let options = PsfOptions::default();
     let plan = PsfPlan::new(31, 6.634, [0.62, 0.55, 0.486], options, Quadrature::grid(96).unwrap());
     let bank = plan.bank(&lens).unwrap();

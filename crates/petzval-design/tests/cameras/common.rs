@@ -1,6 +1,6 @@
 //! What several tests of designs share.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use petzval_design::design_loop::{DesignLoop, Ending, Observer};
@@ -21,9 +21,14 @@ impl Observer for Silent {
     fn camera(&mut self, _: &CameraMetrics) {}
 }
 
+/// The folder of the built-in data.
+pub fn data_folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")
+}
+
 /// The library of the built-in data.
 pub fn library() -> Library {
-    Library::from_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data")).unwrap()
+    Library::from_folder(&data_folder()).unwrap()
 }
 
 /// The setup of an experiment in that library.

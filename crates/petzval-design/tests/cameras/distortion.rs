@@ -1,17 +1,16 @@
 //! Rendered distortion against light that is put where exact rays land, and its gradient by the lens against differences.
 
-use std::path::Path;
-
 use petzval_camera::image::{CHANNELS, LinearImage};
 use petzval_camera::render::{
     Placement, RenderGeometry, Window, illumination_map, kernel_radius, patch_kernels, render,
     with_patches_for,
 };
-use petzval_design::assets::Assets;
 use petzval_design::lens::psf_plan::PsfPlan;
 use petzval_optics::lens::Lens;
 use petzval_optics::psf::PsfOptions;
 use petzval_optics::pupil::{Quadrature, chief_ray};
+
+use crate::common::library;
 
 const WAVELENGTHS_UM: [f64; 3] = [0.62, 0.55, 0.486];
 
@@ -22,8 +21,7 @@ const PLACES: (usize, usize) = (240, 240);
 const SOURCE_PX: f64 = 1.2;
 
 fn nominal() -> Lens {
-    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data");
-    Assets::from_folder(&data).unwrap().lens("cooke-triplet-nominal").unwrap().lens
+    library().lens("cooke-triplet-nominal").unwrap().lens
 }
 
 fn plan(fields: usize, cells: usize) -> PsfPlan {

@@ -1,6 +1,5 @@
 //! A network, a loss and a score of a user. Their host stands in for Python: a gain for the whole picture, and the mean square of its error.
 
-use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use petzval_design::design_loop::{DesignLoop, Ending, Observer};
@@ -15,7 +14,7 @@ use petzval_learn::Device;
 use petzval_learn::guest::{Answer, Array, Call, Guest, GuestError, Host, Role};
 use serde_json::{Map, Value, json};
 
-use crate::common::Silent;
+use crate::common::{self, Silent};
 
 const EXPERIMENT: &str = r#"
 task = "python"
@@ -159,11 +158,8 @@ impl Guest for Inside {
 }
 
 fn library(passes: usize) -> Library {
-    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data");
     let host = Home { passes };
-    Library::from_folder(&data)
-        .unwrap()
-        .with_guests(Arc::new(move |_| -> Arc<dyn Host> { Arc::new(host.clone()) }))
+    common::library().with_guests(Arc::new(move |_| -> Arc<dyn Host> { Arc::new(host.clone()) }))
 }
 
 fn setup(text: &str, library: &Library) -> Result<Setup, DesignError> {
@@ -276,11 +272,7 @@ fn what_cannot_be_made_or_scored_is_refused_before_a_run() {
     );
     assert!(pulled.contains("no proximal term"), "{pulled}");
     // Without a host nothing can be called.
-    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data");
-    let without = Setup::new(
-        Experiment::parse(EXPERIMENT).unwrap(),
-        &Library::from_folder(&data).unwrap(),
-        Device::flex().autodiff(),
-    );
+    let without =
+        Setup::new(Experiment::parse(EXPERIMENT).unwrap(), &common::library(), Device::flex().autodiff());
     assert!(without.err().unwrap().to_string().contains("cannot be called here"));
 }

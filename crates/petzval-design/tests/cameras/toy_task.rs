@@ -1,7 +1,6 @@
 //! A task from outside the crate: how bright is the scene? Its network reads a number in each finished picture.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::sync::Arc;
 
 use burn::module::{Module, Param};
@@ -16,7 +15,6 @@ use petzval_design::design_loop::{DesignLoop, Ending};
 use petzval_design::error::DesignError;
 use petzval_design::experiment::{Experiment, NetworkRole, PicturesKey, TaskFacts};
 use petzval_design::inputs::keep_inputs;
-use petzval_design::library::Library;
 use petzval_design::report::run_report::report_of_run;
 use petzval_design::run::{Metrics, PictureScore, RunFolder};
 use petzval_design::scoring::Scorer;
@@ -30,7 +28,7 @@ use petzval_learn::loss::NamedLoss;
 use petzval_learn::score::ScoreDescription;
 use petzval_report::design_report::TaskSection;
 
-use crate::common::Silent;
+use crate::common::{Silent, library};
 
 const EXPERIMENT: &str = r#"
 task = "brightness"
@@ -240,9 +238,8 @@ impl Findings for Found {
 
 #[test]
 fn a_task_from_outside_is_designed_for_scored_reported_and_read_again() {
-    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data");
     let tasks = Tasks::built_in().with(Brightness);
-    let library = Library::from_folder(&data).unwrap().with_tasks(tasks.clone());
+    let library = library().with_tasks(tasks.clone());
     let folder = tempfile::tempdir().unwrap();
     let run = RunFolder::create(&folder.path().join("run")).unwrap();
     // Without it in the registry, the experiment names no task.

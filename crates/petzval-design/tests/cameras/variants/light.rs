@@ -1,8 +1,6 @@
 //! Light that a lens, its aperture or the grid of its PSFs loses, and what is said of it before the first step.
 
-use std::path::Path;
-
-use crate::common::library;
+use crate::common::{data_folder, library};
 use petzval_base::Cancel;
 use petzval_design::block::OpticsBlock;
 use petzval_design::experiment::{Experiment, LensGoal, LensSearch, PsfsBy};
@@ -15,9 +13,8 @@ use petzval_optics::constraint::{Constraint, passing_share};
 /// A lens whose first surface cuts the beams of the corner gets no smaller spots by cutting more; one whose stop alone decides has no such requirement.
 #[test]
 fn clear_apertures_that_cut_light_may_not_cut_more_of_it() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data");
     let assets = library();
-    let text = std::fs::read_to_string(folder.join("lenses/cooke-triplet-nominal.toml")).unwrap();
+    let text = std::fs::read_to_string(data_folder().join("lenses/cooke-triplet-nominal.toml")).unwrap();
     let cut = text.replacen("semi_diameter_mm = 7.733", "semi_diameter_mm = 5.0", 1);
     assert_ne!(cut, text);
     let assets = assets.with_text("cut.toml".to_owned(), cut);

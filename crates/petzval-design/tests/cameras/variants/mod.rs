@@ -7,7 +7,7 @@ mod validation;
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::common::{Silent, library, setup_of};
+use crate::common::{Silent, data_folder, library, setup_of};
 use petzval_base::Cancel;
 use petzval_camera::sensor::NoiseMode;
 use petzval_design::block::OpticsBlock;
@@ -288,8 +288,7 @@ fn a_perfect_lens_is_a_point_or_an_airy_disk() {
 
 #[test]
 fn every_built_in_experiment_says_whether_its_psfs_are_by_rays_or_by_waves() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data/experiments");
-    for entry in std::fs::read_dir(folder).unwrap() {
+    for entry in std::fs::read_dir(data_folder().join("experiments")).unwrap() {
         let path = entry.unwrap().path();
         let text = std::fs::read_to_string(&path).unwrap();
         let table: toml::Table = text.parse().unwrap();
@@ -309,10 +308,9 @@ fn every_built_in_experiment_says_whether_its_psfs_are_by_rays_or_by_waves() {
 /// Networks start from weights that learnt behind PSFs of the experiment's kind, or of the kind that it names.
 #[test]
 fn built_in_weights_are_those_for_the_psfs_of_the_experiment() {
-    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data");
     let assets = library();
     let [rays, waves] = ["restoration_naf", "restoration_naf_waves"]
-        .map(|name| std::fs::read(data.join(format!("weights/{name}.safetensors"))).unwrap());
+        .map(|name| std::fs::read(data_folder().join(format!("weights/{name}.safetensors"))).unwrap());
     assert_ne!(rays, waves);
     let started = |kind: PsfKind, weights: &str| {
         let mut experiment = assets.experiment("cooke-triplet-image-quality").unwrap();
