@@ -44,6 +44,8 @@ const STREETS: &str = "crop = 96\n[street]\nwindows = 3\nheld_out = 1\nsamples =
 const VARIANT: &str =
     "[[variant]]\nname = \"end-to-end\"\n[[variant.stage]]\nmoves = [\"optics\", \"network\"]\n";
 
+const FINISHING: Finishing = Finishing { beta2: 0.99, largest_gradient: None };
+
 const NOISE: Noise = Noise { mode: NoiseMode::Exact, seed: 4 };
 
 /// An experiment of a task on small cameras.
@@ -63,6 +65,19 @@ fn pictures(psfs: PsfsBy) -> Setup {
         experiment.network.levels = 2;
         experiment.network.weights = "none".to_owned();
     })
+}
+
+/// The setup of a task on streets.
+fn streets(task: &str) -> Setup {
+    setup(task, STREETS, |_| ())
+}
+
+/// The nominal camera with three training windows.
+fn three_windows(setup: &Setup) -> (Camera, Vec<Shot>) {
+    let camera = setup.camera(setup.nominal().lens_file.lens.clone(), true).unwrap();
+    let shots = setup.training_shots(&camera, 0).unwrap();
+    assert_eq!(shots.len(), 3);
+    (camera, shots)
 }
 
 /// A result on 1, 2, 3 and 8 threads.
@@ -158,9 +173,7 @@ impl<C: CameraNetwork> By for TwoByTwo<'_, C> {
 
 /// Checks the derivatives by the weights of a network behind the nominal lens.
 fn check_weights<C: CameraNetwork>(setup: &Setup, network: C::Module, how: &C) {
-    let camera = setup.camera(setup.nominal().lens_file.lens.clone(), true).unwrap();
-    let shots = setup.training_shots(&camera, 0).unwrap();
-    assert_eq!(shots.len(), 3);
+    let (camera, shots) = three_windows(setup);
     let objective = setup.objective().unwrap();
     assert_ne!(objective.windows(), WindowsOf::Whole);
     let network = network.map(&mut Moved);
@@ -188,12 +201,12 @@ fn check_weights<C: CameraNetwork>(setup: &Setup, network: C::Module, how: &C) {
 fn windows_of_pictures_give_the_gradient_of_the_batch_by_the_weights() {
     let setup = pictures(PsfsBy::Geometric);
     let network = NetworkKind::RestorationNaf.init(8, 2, 5, &setup.body.device).unwrap();
-    check_weights(&setup, network, &Finishing { beta2: 0.99, largest_gradient: None });
+    check_weights(&setup, network, &FINISHING);
 }
 
 #[test]
 fn windows_of_objects_give_the_gradient_of_the_batch_by_the_weights() {
-    let setup = setup("pedestrian-vehicle", STREETS, |_| ());
+    let setup = streets("pedestrian-vehicle");
     let how = Finding { classes: setup.experiment.classes() };
     for kind in [DetectorKind::FasterRcnn, DetectorKind::Fcos] {
         let backbone = setup.experiment.detector.backbone;
@@ -204,7 +217,7 @@ fn windows_of_objects_give_the_gradient_of_the_batch_by_the_weights() {
 
 #[test]
 fn windows_of_classes_give_the_gradient_of_the_batch_by_the_weights() {
-    let setup = setup("street-segmentation", STREETS, |_| ());
+    let setup = streets("street-segmentation");
     let network = Segmenter::init(setup.experiment.class.len(), 4, 2, 5, &setup.body.device).unwrap();
     check_weights(&setup, network, &Segmenting);
 }
@@ -231,7 +244,7 @@ fn check_lens(setup: &Setup) {
 
 #[test]
 fn windows_of_a_lens_that_detects_give_the_gradient_of_the_batch() {
-    check_lens(&setup("pedestrian-vehicle", STREETS, |_| ()));
+    check_lens(&streets("pedestrian-vehicle"));
 }
 
 #[test]
@@ -254,12 +267,10 @@ fn a_loss_that_is_no_number_has_no_derivatives() {
     }
 
     let setup = pictures(PsfsBy::Geometric);
-    let camera = setup.camera(setup.nominal().lens_file.lens.clone(), true).unwrap();
-    let shots = setup.training_shots(&camera, 0).unwrap();
+    let (camera, shots) = three_windows(&setup);
     assert_eq!(shots.iter().filter(|shot| shot.frame % 3 == 1).count(), 1);
     let network = NetworkKind::UNet.init(8, 1, 5, &setup.body.device).unwrap();
-    let how = Finishing { beta2: 0.99, largest_gradient: None };
-    let by = ByWeights { network: &network, how: &how, camera: &camera, sight: Sight::default() };
+    let by = ByWeights { network: &network, how: &FINISHING, camera: &camera, sight: Sight::default() };
     let goal = Broken(setup.objective().unwrap());
     let (losses, gradients) = derivatives(&Batch::new(&camera, &shots, NOISE, &goal), &by).unwrap();
     assert!(losses["total"].is_nan() && gradients.is_none());
