@@ -12,7 +12,7 @@ use super::data_set::DataSet;
 use super::defect::{DefectKind, Defects};
 use super::error::CocoError;
 use super::parts::joined;
-use super::picture_names::{picture_in, take_other_spellings};
+use super::picture_names::{picture_in, take_first_names, take_other_spellings};
 use super::read::parse_coco;
 use super::write::coco_bytes;
 
@@ -61,7 +61,7 @@ impl Loaded {
 /// `annotations/instances_*.json`, `_annotations.coco.json` in the folders `train`, `valid` and `test`, one file `.json`. Where there are several, each
 /// is a part of the data set. Pictures are beside the annotations, in `images/` or `data/` there, or, as COCO itself has
 /// them, in a folder named like the part: `annotations/instances_val2017.json` and `val2017/`. A picture that is not where its name says has the name
-/// of the only file that can be meant.
+/// of the only file that can be meant. Entries that spell the name of one file otherwise have the name of the first one.
 ///
 /// Fails with [`CocoError::Stopped`] before the next step, such as a file or the check of its entries, once `cancel` is set.
 pub fn load_coco(place: &Path, cancel: &Cancel) -> Result<Loaded, CocoError> {
@@ -70,6 +70,7 @@ pub fn load_coco(place: &Path, cancel: &Cancel) -> Result<Loaded, CocoError> {
         [file] => {
             let (mut data, folders) = (entries(file, &mut defects, cancel)?, picture_folders(file));
             take_other_spellings(&mut data.images, &folders, &mut defects, cancel)?;
+            take_first_names(&mut data.images, &folders, &mut defects, cancel)?;
             Loaded { data, defects, file: file.clone(), folders }
         }
         several => {
@@ -89,8 +90,9 @@ pub fn load_coco(place: &Path, cancel: &Cancel) -> Result<Loaded, CocoError> {
                 }
                 parts.push((part, data));
             }
-            let data = joined(parts, &mut defects);
-            Loaded { data, defects, file: place.to_owned(), folders: vec![place.to_owned()] }
+            let (mut data, folders) = (joined(parts, &mut defects), vec![place.to_owned()]);
+            take_first_names(&mut data.images, &folders, &mut defects, cancel)?;
+            Loaded { data, defects, file: place.to_owned(), folders }
         }
     };
     if loaded.data.images.is_empty() {

@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use super::data_set::Image;
 use super::defect::{DefectKind, Defects};
 use super::spelling::common_spelling;
+use crate::picture_set::Places;
 
 /// Behind this Label Studio states the path of a file in an address.
 const FILE_IN_ADDRESS: &str = "?d=";
@@ -62,6 +63,33 @@ pub(super) fn take_other_spellings(
     for (place, name) in renamed {
         let stated = std::mem::replace(&mut images[place].file_name, name);
         defects.add(DefectKind::OtherFileName, || format!("{stated}: {}", images[place].file_name));
+    }
+    Ok(())
+}
+
+/// Gives entries of one file the name of the first one, and notes the others: `a/../x.png`, `./x.png` and `x.png`; or `images/x.png` and `x.png`, where
+/// pictures are looked for in `images`. Entries of equal names are not noted here.
+pub(super) fn take_first_names(
+    images: &mut [Image],
+    folders: &[PathBuf],
+    defects: &mut Defects,
+    cancel: &Cancel,
+) -> Result<(), Cancelled> {
+    let found: Vec<Option<PathBuf>> =
+        images.par_iter().map(|image| picture_in(folders, &image.file_name)).collect();
+    let (mut places, mut firsts) = (Places::default(), HashMap::new());
+    for (number, path) in found.into_iter().enumerate() {
+        cancel.check()?;
+        let Some(place) = path.and_then(|path| places.of(&path)) else { continue };
+        let first: usize = *firsts.entry(place).or_insert(number);
+        let name = images[first].file_name.clone();
+        if images[number].file_name != name {
+            let (ids, image) = ([images[first].id, images[number].id], &mut images[number]);
+            let stated = std::mem::replace(&mut image.file_name, name);
+            defects.add(DefectKind::RepeatedFile, || {
+                format!("images {} and {}: {} and {stated}", ids[0], ids[1], image.file_name)
+            });
+        }
     }
     Ok(())
 }

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 use std::ffi::OsStr;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use unicode_normalization::UnicodeNormalization;
 
@@ -24,4 +24,35 @@ pub(super) fn common_spelling(name: &OsStr) -> PathBuf {
     let name = composed_path(Path::new(name));
     let ending = name.extension().map(OsStr::to_ascii_lowercase);
     ending.map_or_else(|| name.clone(), |ending| name.with_extension(ending))
+}
+
+/// The names in a path, without its root. A step upwards takes the name before it away; where there is none, it does not count.
+pub(super) fn names_in(path: &Path) -> Vec<&OsStr> {
+    let mut names = Vec::new();
+    for part in path.components() {
+        match part {
+            Component::Normal(name) => names.push(name),
+            Component::ParentDir => drop(names.pop()),
+            _ => {}
+        }
+    }
+    names
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_upwards_takes_the_name_before_it_away() {
+        for (path, names) in [
+            ("a/../x.png", &["x.png"][..]),
+            ("./a//b/../x.png", &["a", "x.png"]),
+            ("../images/x.png", &["images", "x.png"]),
+            ("/a/b", &["a", "b"]),
+            ("a/..", &[]),
+        ] {
+            assert_eq!(names_in(Path::new(path)), names, "{path}");
+        }
+    }
 }

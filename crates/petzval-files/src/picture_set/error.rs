@@ -36,6 +36,16 @@ pub enum PictureSetError {
         /// The name.
         name: String,
     },
+    /// Two names of a list mean one file.
+    #[error("{}: {first:?} and {name:?} are one file; hint: name every picture once", path.display())]
+    OneFile {
+        /// The list.
+        path: PathBuf,
+        /// The first name.
+        first: String,
+        /// The other name.
+        name: String,
+    },
     /// A line of a list.
     #[error("{} line {line}: {value:?} {problem}; hint: one path of a picture a line, from the folder of the list", path.display())]
     Line {

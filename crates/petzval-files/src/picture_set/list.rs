@@ -1,10 +1,11 @@
 //! A list of pictures: a text file with one path a line.
 
+use std::collections::HashMap;
 use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::{PictureSetError, StoredPicture};
+use super::{PictureSetError, Places, StoredPicture};
 
 /// Largest list that is read, bytes: ten million paths.
 const LARGEST: u64 = 1 << 30;
@@ -38,7 +39,23 @@ pub(super) fn pictures_of(list: &Path) -> Result<Vec<StoredPicture>, PictureSetE
     };
     // The first line that is wrong, whatever thread finds it.
     let found: Vec<Result<StoredPicture, PictureSetError>> = lines.par_iter().map(picture).collect();
-    found.into_iter().collect()
+    let found = found.into_iter().collect::<Result<Vec<StoredPicture>, PictureSetError>>()?;
+    check_spellings(list, &found)?;
+    Ok(found)
+}
+
+/// Refuses two names of one file. Equal names are left to the check of all sets.
+fn check_spellings(list: &Path, found: &[StoredPicture]) -> Result<(), PictureSetError> {
+    let (mut places, mut firsts) = (Places::default(), HashMap::new());
+    for picture in found {
+        let Some(place) = places.of(picture.path()) else { continue };
+        let first: &mut &str = firsts.entry(place).or_insert(picture.name.as_str());
+        if *first != picture.name {
+            let (path, first, name) = (list.to_owned(), (*first).to_owned(), picture.name.clone());
+            return Err(PictureSetError::OneFile { path, first, name });
+        }
+    }
+    Ok(())
 }
 
 /// Characters of a line that an error shows.

@@ -5,6 +5,7 @@ mod copies;
 mod error;
 mod list;
 mod part_of_file;
+mod places;
 mod shard;
 mod stored;
 
@@ -15,6 +16,7 @@ pub(crate) use checked::checked_heads;
 pub use checked::{CheckedPictures, CheckedSize, UnreadPicture, check_stored};
 pub use copies::digests_of_alike;
 pub use error::PictureSetError;
+pub(crate) use places::Places;
 pub use stored::{Stamp, StoredPicture, hex_digest};
 
 use crate::picture_file::PICTURE_ENDINGS;
@@ -31,7 +33,8 @@ const SHARD: &str = "tar";
 /// | a `.tar` file | its pictures, see [`StoredPicture`] | paths in it |
 /// | another file | one path a line, from the folder of the list; empty lines and those that begin with `#` do not count | the paths as written |
 ///
-/// Fails on a place without pictures, on a list that names a file which is not there or names one twice, and on a file that is no tar file.
+/// Fails on a place without pictures, on a list that names a file which is not there or names one twice, also in two spellings, and on a file that is
+/// no tar file.
 pub fn stored_pictures(place: &Path) -> Result<Vec<StoredPicture>, PictureSetError> {
     let found = if place.is_dir() {
         let files = files_with(place, &PICTURE_ENDINGS)?;

@@ -105,6 +105,11 @@ fn what_is_no_set_of_pictures_is_refused_with_its_place() {
     let missing = refused("list.txt", b"a.png\n\nnone.png\n");
     assert!(missing.contains("line 3") && missing.contains("none.png"), "{missing}");
     assert!(refused("twice.txt", b"a.png\na.png\n").contains("there twice"));
+    fs::create_dir(root.path().join("inner")).unwrap();
+    for other in ["./a.png", "inner/../a.png"] {
+        let spelt = refused("spelt.txt", format!("a.png\n{other}\n").as_bytes());
+        assert!(spelt.contains(&format!("\"a.png\" and {other:?} are one file; hint: ")), "{spelt}");
+    }
     assert!(refused("bytes.txt", b"a.png\n\xff\xfe\n").contains("line 2"));
     assert!(refused("one.png", &png(2, 2, 0.5)).contains("this is one picture; name its folder"));
     assert!(refused("empty.txt", b"# nothing\n").contains("a list with one path a line"));

@@ -184,7 +184,7 @@ fn parts_of_yolo_are_those_that_its_file_names() {
 
     // Lists name pictures from their own folder or from that of the data set. One that two lists name is held out.
     write(root, "lists/a.txt", "images/one/a.png\n\n../images/two/a.png\nimages/none.png\n");
-    write(root, "b.txt", "/home/x/set/images/two/a.png\n./images/train/a.png\n");
+    write(root, "b.txt", "/home/x/set/images/two/a.png\n./images/one/../train/a.png\n");
     assert_eq!(parts("train: lists/a.txt\nval: b.txt\n"), (named(["train", "valid", "valid"]), 0));
     let converted = convert(SourceFormat::Yolo, root, None, &Cancel::default()).unwrap();
     let first = |kind| &converted.defects.iter().find(|d| d.kind == kind).unwrap().first;

@@ -92,3 +92,31 @@ fn other_spellings_are_taken_in_each_part() {
     assert_eq!(found, ["train/a.png", "valid/a.png"]);
     assert_eq!(loaded.defects.count(DefectKind::OtherFileName), 2);
 }
+
+#[test]
+fn one_file_in_several_spellings_is_one_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    write_png(&root.join("images/x.png"), 40, 30);
+    write_png(&root.join("images/film/y.png"), 41, 30);
+    let names = ["images/x.png", "./images/x.png", "images/film/../x.png", "x.png"];
+    write_annotations(&root.join("annotations.json"), &names);
+    let (loaded, found) = checked(root);
+    assert_eq!(found, ["images/x.png"; 4]);
+    let noted = loaded.defects.iter().find(|d| d.kind == DefectKind::RepeatedFile).unwrap();
+    assert_eq!((noted.count, loaded.defects.count(DefectKind::SamePicture)), (3, 0));
+    assert_eq!(noted.first[1], "images 1 and 3: images/x.png and images/film/../x.png");
+}
+
+#[test]
+fn one_file_of_two_parts_is_found_in_any_spelling() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    write_annotations(&root.join("train/_annotations.coco.json"), &["x.png"]);
+    write_annotations(&root.join("valid/_annotations.coco.json"), &["../train/x.png"]);
+    write_png(&root.join("train/x.png"), 40, 30);
+    let (loaded, found) = checked(root);
+    assert_eq!(found, ["train/x.png"; 2]);
+    let noted = loaded.defects.iter().find(|d| d.kind == DefectKind::RepeatedFile).unwrap();
+    assert_eq!(noted.first, ["images 1 and 2: train/x.png and valid/../train/x.png"]);
+}

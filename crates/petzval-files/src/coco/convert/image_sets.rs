@@ -3,12 +3,12 @@
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::ffi::OsStr;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 use super::tree::{ListedParts, ends_with, is_picture, labels_text, split_of};
 use crate::coco::defect::{DefectKind, Defects};
 use crate::coco::error::CocoError;
-use crate::coco::spelling::{composed, composed_path};
+use crate::coco::spelling::{composed, composed_path, names_in};
 
 /// The folder of the lists, beside those of pictures and labels.
 pub(super) const IMAGE_SETS: &str = "ImageSets";
@@ -38,7 +38,7 @@ impl<'f> Named<'f> {
     /// before others, and a name without folders means the file that lies in none, if there is one.
     fn of(&self, name: &str, around: &Path) -> Vec<&'f Path> {
         let name = composed_path(Path::new(&name.replace('\\', "/")));
-        let names: PathBuf = name.components().filter_map(normal).collect();
+        let names: PathBuf = names_in(&name).into_iter().collect();
         let mut meant = names.clone();
         let mut found = self.ending_with(&meant);
         if found.is_empty() && (is_picture(&names) || ends_with(&names, "xml")) {
@@ -61,14 +61,6 @@ impl<'f> Named<'f> {
     fn ending_with(&self, names: &Path) -> Vec<&'f Path> {
         let of_stem = names.file_name().and_then(|stem| self.0.get(stem)).into_iter().flatten();
         of_stem.copied().filter(|path| composed_path(path).with_extension("").ends_with(names)).collect()
-    }
-}
-
-/// The name in a step of a path.
-fn normal(part: Component<'_>) -> Option<&OsStr> {
-    match part {
-        Component::Normal(name) => Some(name),
-        _ => None,
     }
 }
 
@@ -188,7 +180,7 @@ mod tests {
         let named = Named::among(files.iter().map(Path::new));
         let of = |name: &str| named.of(name, Path::new("s"));
         assert_eq!(of("f"), [Path::new(files[0])]);
-        for name in ["cam1/f", "cam1\\f", "cam1/f.jpg", "/home/x/s/JPEGImages/cam1/f.jpg"] {
+        for name in ["cam1/f", "cam1\\f", "cam1/f.jpg", "cam1/x/../f", "/home/x/s/JPEGImages/cam1/f.jpg"] {
             assert_eq!(of(name)[0], Path::new(files[1]), "{name}");
         }
         assert_eq!(of("cam1/f").len(), 2);

@@ -3,13 +3,13 @@
 
 use std::collections::{HashMap, HashSet};
 use std::ffi::OsStr;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 use super::builder::PLAIN_FOLDERS;
 use super::tree::{ListedParts, ends_with, is_picture, labels_text, split_of};
 use crate::coco::defect::{DefectKind, Defects};
 use crate::coco::error::CocoError;
-use crate::coco::spelling::composed_path;
+use crate::coco::spelling::{composed_path, names_in};
 use crate::yaml::Node;
 
 /// Keys of `data.yaml` and the parts that they name. Of one folder or list with two parts the last one counts, of a picture in two lists the first.
@@ -206,15 +206,6 @@ fn known_part(word: &str) -> Option<&'static str> {
 fn in_order(mut entries: Vec<Entry>) -> Vec<Entry> {
     entries.sort_by_key(|entry| PARTS.iter().position(|(_, part)| *part == entry.part));
     entries
-}
-
-/// The names in a path, without its root and its steps upwards.
-fn names_in(path: &Path) -> Vec<&OsStr> {
-    let name = |part| match part {
-        Component::Normal(name) => Some(name),
-        _ => None,
-    };
-    path.components().filter_map(name).collect()
 }
 
 /// Places below the folder of a data set that a path may mean, the longest first. A relative one counts from its folder or from one of the inner
