@@ -57,6 +57,9 @@ pub struct Response {
     /// For each photograph or raw frame the page that shows it by every camera; none where there would be nothing beside it.
     #[serde(default)]
     pub pages: Vec<PathBuf>,
+    /// Every other file: each photograph as it lies on the sensor, and what networks read in pictures.
+    #[serde(default, serialize_with = "petzval_base::lossy_path::serialize")]
+    pub others: Vec<PathBuf>,
 }
 
 /// A finished picture.
@@ -119,7 +122,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         .collect::<Result<Vec<_>, _>>()?;
 
     make_folder(&request.out)?;
-    let (mut pictures, mut pages) = (Vec::new(), Vec::new());
+    let (mut pictures, mut pages, mut others) = (Vec::new(), Vec::new(), Vec::new());
     let total = (subjects.len() * cameras.names().len()) as u64;
     for (i, ((image, stem), subject)) in request.images.iter().zip(&stems).zip(&subjects).enumerate() {
         let mut views = Vec::new();
@@ -130,7 +133,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
             let encoded = LinearImage { data: photo.to_srgb(), ..photo.clone() };
             let path = request.out.join(format!("{stem}-{SCENE}.png"));
             write_png(&path, &encoded)?;
-            context.wrote(path, "picture");
+            context.wrote(&path, "picture");
+            others.push(path);
             show("the scene", &encoded);
         }
         for (name, camera) in cameras.each() {
@@ -149,6 +153,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
                 let path = request.out.join(read_name(stem, name, file));
                 write_file(&path, bytes)?;
                 context.wrote(&path, "what the network reads");
+                others.push(path);
             }
             show(name, &shown);
             pictures.push(Applied {
@@ -167,7 +172,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
             pages.push(path);
         }
     }
-    Ok(Response { pictures, pages })
+    Ok(Response { pictures, pages, others })
 }
 
 /// The files of a picture by these cameras.

@@ -71,6 +71,6 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         for p in &response.pictures {
             outln!("{}  {} x {}, {:.1} s", shown(&p.picture), p.width, p.height, p.seconds);
         }
-        response.pages.iter().for_each(|page| outln!("{}", shown(page)));
+        response.pages.iter().chain(&response.others).for_each(|path| outln!("{}", shown(path)));
     })
 }

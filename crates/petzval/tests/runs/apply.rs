@@ -25,6 +25,7 @@ fn own_pictures_go_whole_through_the_cameras_of_a_run() {
         .collect();
     assert_eq!(cameras, ["nominal", "spot-optimised", "end-to-end"]);
     assert_eq!(all["pages"], serde_json::json!(["all/coffee-side-by-side.html"]));
+    assert_eq!(all["others"], serde_json::json!(["all/coffee-scene.png"]));
     let page = std::fs::read_to_string(folder.path().join("all/coffee-side-by-side.html")).unwrap();
     // The scene and three cameras, whole and at three places.
     assert_eq!(page.matches("<img").count(), 16);

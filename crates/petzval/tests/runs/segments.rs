@@ -78,7 +78,10 @@ fn a_run_on_streets_is_scored_again_reported_and_applied() {
 
     // A picture of one's own: the classes of its pixels as numbers, and over the picture.
     let args = ["apply", "run", &photo, "--camera", "nominal", "--out", "applied"];
-    run_ok(root, &args);
+    let done = run_ok(root, &args);
+    for file in ["coffee-scene.png", "coffee-nominal-classes.png"] {
+        assert!(done.stdout.contains(&format!("applied/{file}")), "{}", done.stdout);
+    }
     let classes = image::open(root.join("applied/coffee-nominal-classes.png")).unwrap();
     assert_eq!((classes.width(), classes.height()), (1920, 1200));
     assert_eq!(classes.color(), image::ColorType::L8);
