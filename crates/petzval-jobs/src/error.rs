@@ -17,6 +17,10 @@ pub(crate) const INLINE: &str = "inline";
 /// Where tables are that a request holds. They are read as a text that no user sees: errors name keys, not lines.
 pub(crate) const TABLES: &str = "tables";
 
+/// What to do where rights, or a file system that is read-only, keep a job from a file or folder.
+const RIGHTS: &str = "make the place readable and writable for this user, name another one with --out, or copy the folder to where you may \
+                      write and work on the copy";
+
 /// Who has to change something before the job can succeed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
@@ -202,10 +206,12 @@ impl JobError {
         Self::Failed(message.into())
     }
 
-    /// A file that could not be read or written. A full disk is nobody's mistake; everything else is one of the request.
+    /// A file that could not be read or written. A full disk is nobody's mistake; everything else is one of the request. Where rights are missing, the
+    /// hint says so in place of `hint`.
     pub fn system(message: impl Into<String>, error: &std::io::Error, hint: &str) -> Self {
         match error.kind() {
             ErrorKind::StorageFull | ErrorKind::QuotaExceeded => Self::failed(message),
+            _ if is_forbidden(error) => Self::input(message, RIGHTS),
             _ => Self::input(message, hint),
         }
     }
@@ -306,6 +312,9 @@ impl From<DesignError> for JobError {
             {
                 Self::input(error.to_string(), "")
             }
+            DesignError::Io { error: ref why, .. } if is_forbidden(why) => {
+                Self::system(error.to_string(), why, RIGHTS)
+            }
             _ if is_full_disk(&error) => Self::failed(format!("{error}; make room and try again")),
             _ if error.is_input() => Self::input(error.to_string(), ""),
             _ => Self::failed(error.to_string()),
@@ -322,6 +331,11 @@ fn is_full_disk(error: &DesignError) -> bool {
         ErrorKind::FileTooLarge => error.raw_os_error().is_some(),
         _ => false,
     }
+}
+
+/// Whether the system refuses a file or folder to this process.
+fn is_forbidden(error: &std::io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem)
 }
 
 /// An error in a text that a request holds, with its line and key; none for one in a file.
@@ -368,14 +382,14 @@ pub(crate) fn write_file(path: &Path, contents: impl AsRef<[u8]>) -> Result<()> 
 
 /// Makes the folder for results, with its parents. A name at which none can be made is a mistake of the request.
 pub(crate) fn make_folder(path: &Path) -> Result<()> {
-    let wrong = |message: String| {
-        JobError::setting("out", path.display(), message, "give a folder; it is made if it does not exist")
-    };
+    let wrong = |message: String, hint: &str| JobError::setting("out", path.display(), message, hint);
+    let usual = "give a folder; it is made if it does not exist";
     if path.exists() && !path.is_dir() {
-        return Err(wrong("this is a file".to_owned()));
+        return Err(wrong("this is a file".to_owned(), usual));
     }
     check_length(path)?;
-    std::fs::create_dir_all(path).map_err(|e| wrong(e.to_string()))
+    std::fs::create_dir_all(path)
+        .map_err(|error| wrong(error.to_string(), if is_forbidden(&error) { RIGHTS } else { usual }))
 }
 
 /// Bytes of the longest path that systems take, with room for the names of files in a folder of results.
@@ -420,6 +434,27 @@ mod tests {
         let of_run = JobError::of_run(full()).to_string();
         assert!(of_run.ends_with("the run goes on from its last checkpoint with --resume"), "{of_run}");
         assert_eq!([JobError::from(full()), JobError::of_run(full())].map(|e| e.fault()), [Fault::Job; 2]);
+    }
+
+    #[test]
+    fn a_folder_that_is_read_only_has_a_hint_from_any_verb() {
+        for kind in [ErrorKind::PermissionDenied, ErrorKind::ReadOnlyFilesystem] {
+            let source = || std::io::Error::from(kind);
+            let path = PathBuf::from("run/lock");
+            let of_verb = || JobError::from(DesignError::io(&path)(source()));
+            let of_image = DesignError::from(ImageError::Io { path: path.clone(), source: source() });
+            let of_raw = RawFileError::Io { path: path.clone(), source: source() };
+            let of_run = JobError::of_run(DesignError::io(&path)(source()));
+            for error in [of_verb(), of_run, of_image.into(), of_raw.into()] {
+                assert_eq!(error.fault(), Fault::Input);
+                let report = error.report();
+                assert!(report.message.contains("run/lock"), "{report:?}");
+                assert!(
+                    report.hint.contains("--out") && report.hint.contains("copy the folder"),
+                    "{report:?}"
+                );
+            }
+        }
     }
 
     #[test]
