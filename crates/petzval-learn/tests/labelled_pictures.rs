@@ -119,6 +119,8 @@ fn folders_that_cannot_train_or_score_a_detector_are_refused() {
     assert!(notes.iter().any(|note| note.contains("`pedestrian` has 0 boxes")), "{notes:?}");
     let large = load(other.path(), 110).unwrap_err();
     assert!(large.contains("no picture is left"), "{large}");
+    let remedy = "; hint: write 100 or less for `training.crop` and for `scoring.crop`, or ";
+    assert!(large.contains(remedy), "{large}");
     let text = std::fs::read_to_string(other.path().join("annotations.json")).unwrap();
     // Boxes of another form are refused, not trained on.
     let boxes = "\"bbox\": [";

@@ -41,12 +41,14 @@ pub enum DatasetError {
     #[error(transparent)]
     Coco(CocoError),
     /// The boxes of a folder are not enough to train and to score a detector.
-    #[error("{}: {problem}; `petzval data check` lists what it holds", path.display())]
+    #[error("{}: {problem}; hint: {hint}", path.display())]
     Labels {
         /// The folder.
         path: PathBuf,
         /// What is missing.
         problem: String,
+        /// What to do.
+        hint: String,
     },
     /// Labels of pixels that cannot be used.
     #[error("{}: {problem}; hint: {hint}", path.display())]
@@ -56,7 +58,7 @@ pub enum DatasetError {
         /// What is wrong.
         problem: String,
         /// What to do.
-        hint: &'static str,
+        hint: String,
     },
     /// A folder holds no pictures.
     #[error("{}: no PNG, JPEG, TIFF, WebP or BMP file in this folder; name the folder that holds the pictures", path.display())]
@@ -66,7 +68,9 @@ pub enum DatasetError {
     },
     /// A picture cannot hold the training window.
     #[error(
-        "{name}: {height} x {width} pixels cannot hold a window of {needed} x {needed} (crop and margins); use larger pictures or a smaller crop"
+        "{name}: {height} x {width} pixels cannot hold a window of {needed} x {needed} (crop and margins); use larger pictures, or lower \
+         `training.crop` and `scoring.crop` by {} pixels or more (`psf.grid` makes the margins)",
+        needed.saturating_sub(*height.min(width))
     )]
     PhotoTooSmall {
         /// The picture.

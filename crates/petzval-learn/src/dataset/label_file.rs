@@ -46,7 +46,7 @@ impl LabelFile {
     }
 
     pub fn wrong(&self, problem: String, hint: &'static str) -> DatasetError {
-        DatasetError::LabelImage { path: self.path.clone(), problem, hint }
+        DatasetError::LabelImage { path: self.path.clone(), problem, hint: hint.to_owned() }
     }
 }
 

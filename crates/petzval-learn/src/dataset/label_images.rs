@@ -13,8 +13,9 @@ use petzval_files::{is_picture_turned, picture_size};
 use rayon::prelude::*;
 
 use super::label_file::{LabelFile, pixels_of_classes};
-use super::labelled_pictures::{LabelledPicture, PART, list_by_place, too_small};
+use super::labelled_pictures::{LabelledPicture, PART, list_by_place};
 use super::photo_set::picture_paths;
+use super::small_pictures::SmallPictures;
 use super::{Classes, DatasetError, IGNORED, LabelledPictures, List, Purpose};
 use crate::detection::Truth;
 
@@ -43,11 +44,15 @@ impl LabelledPictures {
         purpose: Purpose,
         cancel: &Cancel,
     ) -> Result<(Self, Vec<String>), DatasetError> {
-        let at = |problem: String, hint| DatasetError::LabelImage { path: folder.to_owned(), problem, hint };
+        let at = |problem: String, hint: String| DatasetError::LabelImage {
+            path: folder.to_owned(),
+            problem,
+            hint,
+        };
         let missing = FOLDERS.into_iter().find(|name| !folder.join(name).is_dir());
         if let Some(name) = missing {
             let hint = "pictures lie in its folder `pictures`, and the labels of pictures/NAME.jpg are labels/NAME.png";
-            return Err(at(format!("there is no folder `{name}` in it"), hint));
+            return Err(at(format!("there is no folder `{name}` in it"), hint.to_owned()));
         }
         let [pictures, mut labels] = [by_stem(&folder.join(FOLDERS[0]))?, by_stem(&folder.join(FOLDERS[1]))?];
         let of_values = Arc::new(classes.of_values());
@@ -73,7 +78,7 @@ impl LabelledPictures {
             ));
         }
         let mut found = Self::default();
-        let (mut small, mut pixels) = (0, [[0; IGNORED as usize]; 2]);
+        let (mut small, mut pixels) = (SmallPictures::new(crop), [[0; IGNORED as usize]; 2]);
         let mut turned: Vec<String> = Vec::new();
         let count = checked.len();
         for (number, checked) in checked.into_iter().enumerate() {
@@ -81,15 +86,14 @@ impl LabelledPictures {
             if is_turned {
                 turned.push(picture.name.clone());
             }
-            if picture.size[0].min(picture.size[1]) < crop {
-                small += 1;
-                continue;
-            }
             let list = match list_by_place(number, count) {
                 _ if purpose == Purpose::Scores => List::HeldOut,
                 List::Validation if purpose != Purpose::ValidatedTraining => List::Training,
                 list => list,
             };
+            if small.notes(list, picture.size) {
+                continue;
+            }
             let of_list = &mut pixels[usize::from(list == List::HeldOut)];
             of_list.iter_mut().zip(own).for_each(|(all, own)| *all += own);
             found.list_mut(list).push(picture);
@@ -101,9 +105,7 @@ impl LabelledPictures {
                 "EXIF turns {first}{others}; labels are taken as those of the turned picture, which the report shows"
             ));
         }
-        if small > 0 {
-            note(too_small(small, crop));
-        }
+        small.sentence().into_iter().for_each(&mut note);
         let trains = purpose != Purpose::Scores;
         let validated = purpose == Purpose::ValidatedTraining;
         if validated && found.list(List::Validation).is_empty() && !found.take_validation() {
@@ -118,12 +120,13 @@ impl LabelledPictures {
                 continue;
             }
             if found.list(list).is_empty() {
-                let hint = "at least two pictures that hold a window are needed, one of them to score with";
+                let needed = "at least two pictures that hold a window are needed, one of them to score with";
+                let hint = small.remedy(list, purpose).unwrap_or_else(|| needed.to_owned());
                 return Err(at(format!("no picture is left for {name}"), hint));
             }
             if pixels.iter().all(|count| *count == 0) {
                 let hint = "`values` of [[class]] names the indices that are not ignored";
-                return Err(at(format!("all pixels for {name} are ignored"), hint));
+                return Err(at(format!("all pixels for {name} are ignored"), hint.to_owned()));
             }
             let counted = classes.counted();
             let names = counted.names().into_iter();
@@ -149,7 +152,7 @@ fn checked(
     of_values: &Arc<BTreeMap<u16, u8>>,
 ) -> Result<Checked, DatasetError> {
     let Some(path) = labels else {
-        let hint = "add FOLDER/labels/NAME.png with its name, or take the picture out";
+        let hint = "add FOLDER/labels/NAME.png with its name, or take the picture out".to_owned();
         let problem = "this picture has no labels".to_owned();
         return Err(DatasetError::LabelImage { path: picture.to_owned(), problem, hint });
     };
@@ -196,7 +199,7 @@ fn by_stem(folder: &Path) -> Result<BTreeMap<String, PathBuf>, DatasetError> {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         if let Some(other) = all.insert(stem, path.clone()) {
             let problem = format!("{} has the same name but for its ending", other.display());
-            let hint = "pictures and labels are paired by this name: it stands for one file";
+            let hint = "pictures and labels are paired by this name: it stands for one file".to_owned();
             return Err(DatasetError::LabelImage { path, problem, hint });
         }
     }

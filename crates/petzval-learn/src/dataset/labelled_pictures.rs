@@ -20,11 +20,15 @@ use super::classes::{taken_as, truth};
 use super::crop::around;
 use super::label_file::{LabelFile, drawn_pixel};
 use super::labelled_window::{LARGEST_SHARE, LEAST_INSIDE, crop_around, drawn_by_class, inside, off_middle};
+use super::small_pictures::SmallPictures;
 use super::{Classes, CropPlan, DatasetError, FirstReads, LabelledWindow, List, PictureFile, READ_AT_ONCE};
 use crate::detection::{BBox, Ignored, Object, Truth};
 
 /// Where a data set says nothing of its parts: of every so many sequences, the last is held out and the one before it is for validation.
 pub(super) const PART: usize = 5;
+
+/// What to do about a folder whose labels are not enough.
+const DATA_CHECK: &str = "`petzval data check` lists what it holds";
 
 /// A picture of the folder.
 #[derive(Clone, Debug, PartialEq)]
@@ -108,7 +112,12 @@ impl LabelledPictures {
         let objects = data.objects_of_images();
         let sequences = sequences(&data.images);
         let training = training_parts(&data.images);
-        let misfit = |problem: String| DatasetError::Labels { path: folder.to_path_buf(), problem };
+        let wrong = |problem: String, hint: String| DatasetError::Labels {
+            path: folder.to_path_buf(),
+            problem,
+            hint,
+        };
+        let misfit = |problem: String| wrong(problem, DATA_CHECK.to_owned());
         let is_test = |image: &Image| {
             image.split.as_deref().is_some_and(|part| part.trim().to_lowercase().starts_with("test"))
         };
@@ -136,36 +145,34 @@ impl LabelledPictures {
             notes.push(said.to_owned());
         }
         let mut found = Self { reads, ..Self::default() };
-        let mut small = 0;
+        let mut small = SmallPictures::new(crop);
         for (image, objects) in data.images.iter().zip(&objects) {
             let size = [image.height as usize, image.width as usize];
             let Some(path) = loaded.picture(&image.file_name) else { continue };
-            if size[0].min(size[1]) < crop {
-                small += 1;
-                continue;
-            }
             let list = match list_of(image, &training, &sequences) {
                 _ if !trains => List::HeldOut,
                 List::Validation if !validated => List::Training,
                 list => list,
             };
+            if small.notes(list, size) {
+                continue;
+            }
             let truth = truth(data, objects, classes);
             let (name, sequence) = (image.file_name.clone(), sequence(image).to_owned());
             found.list_mut(list).push(LabelledPicture { path, name, sequence, size, truth, labels: None });
         }
-        if small > 0 {
-            notes.push(too_small(small, crop));
-        }
-        for (name, list) in [("training", &found.training), ("scoring", &found.held_out)] {
-            if list.is_empty() && (trains || name == "scoring") {
-                let why = match small {
-                    0 if sequences.len() == 1 => {
+        notes.extend(small.sentence());
+        for (name, list) in [("training", List::Training), ("scoring", List::HeldOut)] {
+            if found.list(list).is_empty() && (trains || list == List::HeldOut) {
+                let why = match small.sentence() {
+                    Some(small) => format!(": {small}"),
+                    None if sequences.len() == 1 => {
                         ": all pictures are of one sequence; `split` names parts".to_owned()
                     }
-                    0 => String::new(),
-                    small => format!(": {}", too_small(small, crop)),
+                    None => String::new(),
                 };
-                return Err(misfit(format!("no picture is left for {name}{why}")));
+                let hint = small.remedy(list, purpose).unwrap_or_else(|| DATA_CHECK.to_owned());
+                return Err(wrong(format!("no picture is left for {name}{why}"), hint));
             }
         }
         if trains && training.is_empty() && sequences.len() < PART {
@@ -408,14 +415,6 @@ impl LabelledPicture {
         truth.ignored.extend(self.truth.ignored.iter().filter_map(part));
         truth
     }
-}
-
-/// Why so many pictures cannot be used where windows have `crop` pixels.
-pub(super) fn too_small(pictures: usize, crop: usize) -> String {
-    let are = if pictures == 1 { "picture is" } else { "pictures are" };
-    format!(
-        "{pictures} {are} smaller than a window of {crop} pixels, the larger of `training.crop` and `scoring.crop`"
-    )
 }
 
 /// Width or height of a box, whichever is more, pixels.

@@ -20,6 +20,7 @@ mod photo_set;
 mod picture_file;
 mod relight;
 mod shelf;
+mod small_pictures;
 mod street_plan;
 mod street_thing;
 

@@ -174,7 +174,11 @@ fn experiments_that_do_not_fit_together() {
             "\"nowhere\"",
             &["`photos = \"nowhere\"`", "neither a file nor built in", "a folder of pictures"],
         ),
-        case("crop = 64", "crop = 1000", &[".png", "cannot hold a window", "smaller crop"]),
+        case(
+            "crop = 64",
+            "crop = 1000",
+            &[".png", "cannot hold a window", "lower `training.crop` and `scoring.crop`"],
+        ),
         case("grid = 64\n", "grid = 1024\n", &["cannot hold a window"]),
         case(
             "white_e = 16000.0",
@@ -380,7 +384,10 @@ fn photographs() {
         ("empty", &["empty: no PNG", "name a folder of pictures"][..]),
         ("one", &["one: only one picture", "help: at least two are needed"]),
         ("broken", &["broken/b.png: cannot decode", "use an undamaged PNG"]),
-        ("small", &["a.png: 50 x 40 pixels cannot hold a window", "use larger pictures or a smaller crop"]),
+        (
+            "small",
+            &["a.png: 50 x 40 pixels cannot hold a window", "lower `training.crop` and `scoring.crop` by"],
+        ),
         ("same", &["b.png", "a.png", "same picture"]),
         (
             "tiny.toml",
