@@ -410,7 +410,8 @@ parameters! {
         places_per_side: usize = 4, "", 1..15, Linear, "3 gives 9 places";
         /// Side of a scored window; in streets behind the experiment's lens.
         crop: usize = 120, "pixels", 64..1200, Linear, "LPIPS needs at least 64 pixels";
-        /// Held-out photographs that are scored, spread evenly over all by name; 0 scores them all.
+        /// Held-out photographs that are scored, spread evenly over all by name. 0 scores them all, and so does a number above theirs.
+        /// Windows of scenes with labels are counted by `street.held_out`.
         pictures: usize = 0, "", 0..1e7, Log, "0 for all; 100 scores 100 of a large set";
     } also {
         /// Names of the scores: one_minus_lpips, psnr_db, ssim; where objects are to be found, ap50, ap and ap75 by default.

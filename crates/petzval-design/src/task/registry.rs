@@ -185,6 +185,11 @@ mod tests {
         assert!(group.contains("line 5") && group.contains("`ap50_edge` is the score of a group"), "{group}");
         assert!(class("name = \"a b\"\n").contains("no name of a class"));
         assert!(class("name = \"red\"\nstate = \"blue\"\n").contains("red, yellow, green or off"));
+        let counted = "seed = 1\n[scoring]\npictures = 5\n";
+        let scenes = refused(&format!("task = \"traffic-light\"\n{counted}"));
+        assert!(scenes.contains("line 4") && scenes.contains("`pictures = 5`"), "{scenes}");
+        assert!(scenes.contains("hint: leave it out") && scenes.contains("`street.held_out`"), "{scenes}");
+        assert_eq!(Tasks::built_in().parse(counted).unwrap().scoring.pictures, 5);
         assert!(class("name = \"a\"\nfrm = [\"b\"]\n").contains("frm"));
     }
 }
