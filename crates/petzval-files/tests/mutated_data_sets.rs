@@ -16,6 +16,7 @@ const COCO: &[u8] = br#"{"info": {"a": 1}, "images": [{"id": 1, "file_name": "a.
 {"id": 1, "image_id": 1, "category_id": 1, "bbox": [1.5, 2, 10, 20], "area": 200, "iscrowd": 0, "attributes": {"state": "red"}},
 {"id": 2, "image_id": 1, "category_id": 2, "bbox": [0, 0, 40, 30], "area": 1100.25, "iscrowd": 1, "ignore": 1}]}"#;
 const KITTI: &[u8] = b"Car 0.25 1 -1.57 10.5 20.0 40.5 32.0 1.5 1.6 3.9 1 2 30 -1.5\nDontCare -1 -1 -10 7 1 9 8 -1 -1 -1 -1000 -1000 -1000 -10\n";
+const TRACKS: &[u8] = b"0 3 Car 0 1 -1.57 10.5 20.0 30.5 25.0 1.5 1.6 3.9 1 2 30 -1.5\n0 -1 DontCare -1 -1 -10 7 1 9 8 -1 -1 -1 -1000 -1000 -1000 -10\n";
 const BDD: &[u8] = br#"[{"name": "a.png", "labels": [{"category": "traffic light", "attributes": {"trafficLightColor": "red"},
 "box2d": {"x1": 10, "y1": 5, "x2": 14.5, "y2": 15}}]}, {"name": "b.png", "labels": null}]"#;
 const YOLO: &[u8] = b"0 0.5 0.5 0.1 0.2\n1 0.1 0.1 0.2 0.1 0.2 0.2\n";
@@ -131,6 +132,7 @@ fn mutated_annotations_are_read_or_refused() {
 fn mutated_labels_are_read_or_refused() {
     for (name, format, labels, text, more) in [
         ("KITTI", SourceFormat::Kitti, "label_2/a.txt", KITTI, None),
+        ("tracks of KITTI", SourceFormat::Kitti, "label_02/0.txt", TRACKS, None),
         ("BDD100K", SourceFormat::Bdd100k, "labels/a.json", BDD, None),
         ("YOLO", SourceFormat::Yolo, "labels/a.txt", YOLO, Some(("data.yaml", YAML))),
         ("names of YOLO", SourceFormat::Yolo, "data.yaml", YAML, Some(("labels/a.txt", YOLO))),
@@ -143,7 +145,7 @@ fn mutated_labels_are_read_or_refused() {
             std::fs::create_dir_all(path.parent().unwrap_or(Path::new("."))).unwrap();
             std::fs::write(path, bytes).unwrap();
         };
-        for picture in ["image_2/a.png", "images/a.png"] {
+        for picture in ["image_2/a.png", "image_02/0/0.png", "images/a.png"] {
             let path = root.join(picture);
             std::fs::create_dir_all(path.parent().unwrap()).unwrap();
             image::RgbImage::new(40, 30).save(path).unwrap();

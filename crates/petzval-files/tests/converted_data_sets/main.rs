@@ -7,7 +7,7 @@ mod yolo;
 
 use petzval_base::Cancel;
 use petzval_files::coco::convert::{Converted, SourceFormat, convert};
-use petzval_files::coco::{Bounds, CocoError, DefectKind};
+use petzval_files::coco::{Attribute, Bounds, CocoError, DefectKind};
 use std::path::Path;
 
 fn write(root: &Path, name: &str, text: &str) {
@@ -109,6 +109,44 @@ fn kitti_regions_are_crowds_of_every_class() {
     fails(SourceFormat::Kitti, root, &needles);
     fails(SourceFormat::Kitti, &root.join("training/label_2"), &["no folder `label_2`"]);
     assert!(convert(SourceFormat::Kitti, &root.join("nowhere"), None, &Cancel::default()).is_err());
+}
+
+/// Two films with one number of a frame, as the tracking benchmark has them.
+#[test]
+fn kitti_tracks_are_objects_of_the_frames_of_their_films() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    let line = |start: &str| format!("{start} 0 1 -1.57 10.5 20.0 40.5 32.0 1.5 1.6 3.9 1 2 30 -1.5\n");
+    let region = "0 -1 DontCare -1 -1 -10 70 1 90 8 -1 -1 -1 -1000 -1000 -1000 -10\n";
+    let cars = ["0 7 Car", "2 7 Car", "9 7 Car"].map(line).concat();
+    write(root, "training/label_02/0000.txt", &format!("{cars}{region}"));
+    write(root, "training/label_02/0001.txt", &line("0 7 Van"));
+    for picture in ["0000/000000", "0000/000001", "0000/000002", "0001/000000", "0002/000000"] {
+        write_png(root, &format!("training/image_02/{picture}.png"), 100, 40);
+    }
+    let converted = convert(SourceFormat::Kitti, root, None, &Cancel::default()).unwrap();
+    let bounds = [10.5, 20.0, 30.0, 12.0];
+    let names = ["images/0000/000000.png", "images/0000/000002.png", "images/0001/000000.png"];
+    let found = [(names[0], "Car", bounds), (names[1], "Car", bounds), (names[2], "Van", bounds)];
+    assert_eq!(objects(&converted), found);
+    // The frame without a line shows no object, and is in its film.
+    let films: Vec<_> =
+        converted.data.images.iter().map(|image| image.sequence.as_deref().unwrap()).collect();
+    assert_eq!(films, ["0000", "0000", "0000", "0001"]);
+    assert!(converted.data.images.iter().all(|image| image.split.as_deref() == Some("train")));
+    // The region is a crowd of both classes.
+    assert_eq!(converted.data.annotations.iter().filter(|a| a.crowd && a.image_id == 1).count(), 2);
+    assert_eq!(converted.data.annotations[0].attributes["track"], Attribute::Number(7.0));
+    let first = |kind| converted.defects.iter().find(|d| d.kind == kind).unwrap();
+    let missing = first(DefectKind::MissingPicture);
+    assert!(missing.count == 1 && missing.first[0].starts_with("no picture for frame 9"), "{missing:?}");
+    let unlabelled = first(DefectKind::PictureWithoutLabels);
+    assert!(unlabelled.count == 1 && unlabelled.first[0].ends_with("000000.png"), "{unlabelled:?}");
+
+    write(root, "training/label_02/0001.txt", "0 7 Van 0 1\n");
+    fails(SourceFormat::Kitti, root, &["0001.txt: line 1: `0 7 Van 0 1`", "has 5 values"]);
+    std::fs::remove_dir_all(root.join("training/image_02")).unwrap();
+    fails(SourceFormat::Kitti, root, &["image_02: there is no such folder"]);
 }
 
 const VOC: &str = "<annotation>

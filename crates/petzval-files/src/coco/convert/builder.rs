@@ -16,7 +16,7 @@ use crate::picture_file::{PictureHead, picture_head};
 use crate::picture_set::UnreadPicture;
 
 /// Folders that say nothing about a picture but that it is one.
-pub(super) const PLAIN_FOLDERS: [&str; 5] = ["images", "JPEGImages", "image_2", "data", "."];
+pub(super) const PLAIN_FOLDERS: [&str; 6] = ["images", "JPEGImages", "image_2", "image_02", "data", "."];
 
 /// A converted data set.
 #[derive(Clone, Debug, PartialEq)]

@@ -19,6 +19,7 @@ use petzval_base::{Cancel, FileError};
 
 use super::builder::{Builder, Converted, Label};
 use super::image_sets::{IMAGE_SETS, Named, PartList, parts_of, read_lists};
+use super::kitti_tracking;
 use super::tree::{Pictures, ends_with, files_below, labels_text, pictures_among, split_of};
 use crate::coco::bounds::Bounds;
 use crate::coco::data_set::Attribute;
@@ -55,34 +56,33 @@ const MAPPINGS: [&str; 3] = ["mapping", "devkit_object/mapping", "devkit/mapping
 
 /// A line of a file of labels.
 #[derive(Clone, Debug, PartialEq)]
-struct Line {
+pub(super) struct Line {
     class: String,
     truncated: f64,
     occluded: f64,
-    bounds: Bounds,
+    pub bounds: Bounds,
     /// How sure a detector was; labels have none.
     score: Option<f64>,
+    /// The number of the object in its film, where the labels are of tracks.
+    pub track: Option<i32>,
 }
 
-/// Reads a folder with `label_2/*.txt` and `image_2/`, or the folder `training` around it.
+/// Reads a folder with `label_2/*.txt` and `image_2/`, or the folder `training` around it; where there is `label_02`, as the [tracking](kitti_tracking)
+/// benchmark.
 pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Result<Converted, CocoError> {
-    let base =
-        [root.to_owned(), root.join("training")].into_iter().find(|base| base.join("label_2").is_dir());
-    let Some(base) = base else {
-        let hint = "name the folder that holds `label_2` and `image_2`, or the one that holds `training`";
+    let with = |labels: &str| {
+        [root.to_owned(), root.join("training")].into_iter().find(|base| base.join(labels).is_dir())
+    };
+    let Some(base) = with("label_2") else {
+        if let Some(base) = with(kitti_tracking::LABELS) {
+            return kitti_tracking::convert(&base, turned, cancel);
+        }
+        let hint = "name the folder that holds `label_2` and `image_2` (tracking: `label_02` and `image_02`), or the one that holds `training`";
         return Err(CocoError::content(root, "there is no folder `label_2`", hint));
     };
-    let labels: Vec<PathBuf> =
-        files_below(&base.join("label_2"), cancel)?.into_iter().filter(|p| ends_with(p, "txt")).collect();
-    let files = match base.join("image_2") {
-        folder if folder.is_dir() => files_below(&folder, cancel)?,
-        folder => {
-            return Err(CocoError::content(&folder, "there is no such folder", "put the pictures there"));
-        }
-    };
+    let Files { labels, pictures: files, split } = Files::of(&base, ["label_2", "image_2"], cancel)?;
     let pictures = Pictures::among(&base, &files);
 
-    let split = base.file_name().and_then(|name| split_of(Path::new(name)));
     let drives = drives(&base)?;
     let mut builder = Builder::new(turned);
     let named = Named::among(pictures_among(&files).chain(labels.iter().map(PathBuf::as_path)));
@@ -90,7 +90,7 @@ pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Res
     // Pictures that a list for training leaves out are not trained on, though their folder is called so.
     let split = split.filter(|_| lists.iter().all(|list| list.part != "train"));
     let parts = parts_of(lists, &mut builder.defects);
-    let mut regions: Vec<(u64, Bounds)> = Vec::new();
+    let mut regions = Regions::default();
     for path in &labels {
         cancel.check()?;
         let text = labels_text(path)?;
@@ -106,35 +106,76 @@ pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Res
         let number = path.file_stem().and_then(|stem| stem.to_str()?.parse::<usize>().ok());
         image.sequence = number.and_then(|number| drives.get(number).cloned());
         for (number, line) in (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty()) {
-            match parse_line(number, line) {
-                Err(error) => builder.wrong(path, error),
-                Ok(line) if line.class == REGION => regions.push((id, line.bounds)),
-                Ok(line) => {
-                    let mut label = Label::new(&line.class, line.bounds);
-                    label.attributes = BTreeMap::from([
-                        ("truncated".to_owned(), Attribute::Number(line.truncated)),
-                        ("occluded".to_owned(), Attribute::Number(line.occluded)),
-                    ]);
-                    if let Some(score) = line.score {
-                        let place = || format!("{}: line {number}", path.display());
-                        builder.defects.add(DefectKind::ScoredLabel, place);
-                        label.attributes.insert("score".to_owned(), Attribute::Number(score));
-                    }
-                    builder.object(id, label);
-                }
+            if let Some(line) = builder.understood(path, parse_line(number, line)) {
+                regions.add_line(&mut builder, id, line, &|| format!("{}: line {number}", path.display()));
             }
         }
     }
     builder.note_unlabelled(pictures_among(&files));
-    let attributes = BTreeMap::from([("region".to_owned(), Attribute::Text(REGION.to_owned()))]);
-    for class in builder.class_names() {
-        for (id, bounds) in &regions {
-            let attributes = attributes.clone();
-            builder
-                .object(*id, Label { crowd: true, ignore: true, attributes, ..Label::new(&class, *bounds) });
+    regions.become_crowds(&mut builder);
+    builder.finish("KITTI")
+}
+
+/// The files of a folder of KITTI.
+pub(super) struct Files {
+    /// Files of labels.
+    pub labels: Vec<PathBuf>,
+    /// Files in the folder of pictures.
+    pub pictures: Vec<PathBuf>,
+    /// The part that the name of the folder says.
+    pub split: Option<String>,
+}
+
+impl Files {
+    /// Those in these folders of labels and of pictures. Fails where there are none for pictures.
+    pub fn of(base: &Path, [labels, pictures]: [&str; 2], cancel: &Cancel) -> Result<Self, CocoError> {
+        let labels = files_below(&base.join(labels), cancel)?.into_iter().filter(|p| ends_with(p, "txt"));
+        let folder = base.join(pictures);
+        if !folder.is_dir() {
+            return Err(CocoError::content(&folder, "there is no such folder", "put the pictures there"));
+        }
+        let pictures = files_below(&folder, cancel)?;
+        let split = base.file_name().and_then(|name| split_of(Path::new(name)));
+        Ok(Self { labels: labels.collect(), pictures, split })
+    }
+}
+
+/// Regions whose objects have no labels, with the number of their picture.
+#[derive(Default)]
+pub(super) struct Regions(Vec<(u64, Bounds)>);
+
+impl Regions {
+    /// Adds the object of a line, or keeps the region. `place` names the line.
+    pub fn add_line(&mut self, builder: &mut Builder, image_id: u64, line: Line, place: &dyn Fn() -> String) {
+        if line.class == REGION {
+            self.0.push((image_id, line.bounds));
+            return;
+        }
+        if line.score.is_some() {
+            builder.defects.add(DefectKind::ScoredLabel, place);
+        }
+        let attributes = [
+            ("truncated", Some(line.truncated)),
+            ("occluded", Some(line.occluded)),
+            ("score", line.score),
+            ("track", line.track.map(f64::from)),
+        ];
+        let known = attributes.into_iter().filter_map(|(name, value)| Some((name, value?)));
+        let attributes = known.map(|(name, value)| (name.to_owned(), Attribute::Number(value))).collect();
+        builder.object(image_id, Label { attributes, ..Label::new(&line.class, line.bounds) });
+    }
+
+    /// Makes each region a crowd of every class.
+    pub fn become_crowds(&self, builder: &mut Builder) {
+        let attributes = BTreeMap::from([("region".to_owned(), Attribute::Text(REGION.to_owned()))]);
+        for class in builder.class_names() {
+            for (id, bounds) in &self.0 {
+                let attributes = attributes.clone();
+                let crowd = Label { crowd: true, ignore: true, attributes, ..Label::new(&class, *bounds) };
+                builder.object(*id, crowd);
+            }
         }
     }
-    builder.finish("KITTI")
 }
 
 /// The lists of parts beside the labels, or beside the folder of the part around them.
@@ -187,6 +228,11 @@ fn drives(base: &Path) -> Result<Vec<String>, CocoError> {
 
 fn parse_line(number: u32, line: &str) -> Result<Line, FileError> {
     let words: Vec<&str> = line.split_whitespace().collect();
+    line_of(number, line, &words)
+}
+
+/// A line whose values for detection are `words`.
+pub(super) fn line_of(number: u32, line: &str, words: &[&str]) -> Result<Line, FileError> {
     if !VALUES.contains(&words.len()) {
         return Err(FileError::at_line(number, line, format!("the line has {} values", words.len()))
             .hint("give 15: type truncated occluded alpha left top right bottom height width length x y z rotation_y"));
@@ -203,7 +249,8 @@ fn parse_line(number: u32, line: &str) -> Result<Line, FileError> {
     }
     let bounds = Bounds::between(numbers[3], numbers[4], numbers[5], numbers[6]);
     let [truncated, occluded] = [numbers[0], numbers[1]];
-    Ok(Line { class: words[0].to_owned(), truncated, occluded, bounds, score: numbers.get(14).copied() })
+    let (class, score) = (words[0].to_owned(), numbers.get(14).copied());
+    Ok(Line { class, truncated, occluded, bounds, score, track: None })
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@ mod bdd100k;
 mod builder;
 mod image_sets;
 mod kitti;
+mod kitti_tracking;
 mod tree;
 mod voc;
 mod voc_file;
@@ -28,7 +29,7 @@ use super::error::CocoError;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum SourceFormat {
-    /// KITTI object detection: `label_2/*.txt` and `image_2/`.
+    /// KITTI object detection: `label_2/*.txt` and `image_2/`; or tracking: `label_02/*.txt` and `image_02/`.
     Kitti,
     /// BDD100K: JSON with `labels[].box2d`, and the pictures.
     Bdd100k,
