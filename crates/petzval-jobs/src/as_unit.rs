@@ -17,6 +17,9 @@ pub struct AsUnit<R> {
     pub(crate) going_on: Option<fn(&R, &Path) -> Option<R>>,
     /// Files and folders on which the result depends, but which another file names: those of an experiment.
     pub(crate) behind: Option<Behind<R>>,
+    /// JSON pointer to the table of a request whose key `out` is the folder of results, where a call must name one. A unit may leave it out, since
+    /// it has a folder of its own.
+    pub(crate) out_in: Option<&'static str>,
 }
 
 /// Finds files behind those that a request names.
@@ -24,7 +27,8 @@ pub(crate) type Behind<R> = fn(&R, &Context) -> Result<Vec<PathBuf>>;
 
 impl<R> AsUnit<R> {
     /// A job without a seed that writes nothing.
-    pub(crate) const PLAIN: Self = Self { seed: None, place: None, going_on: None, behind: None };
+    pub(crate) const PLAIN: Self =
+        Self { seed: None, place: None, going_on: None, behind: None, out_in: None };
 
     /// A job without a seed that writes into a folder, or below it.
     pub(crate) const fn placed(place: fn(&mut R, &Path)) -> Self {

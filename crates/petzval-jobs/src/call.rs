@@ -136,7 +136,7 @@ impl Call {
     /// The request, with the device of the call where the job takes one.
     fn request_on_device(&self, row: &Row) -> Result<Value> {
         let Some(device) = &self.device else { return Ok(self.request.clone()) };
-        let takes_one = row.schema().pointer("/properties/device").is_some();
+        let takes_one = row.kept_schema().pointer("/properties/device").is_some();
         let (true, Some(keys)) = (takes_one, self.request.as_object()) else {
             let message =
                 format!("call: `device` is \"{device}\", and the job `{}` takes no device", self.job);

@@ -1,7 +1,9 @@
 //! What a job is, and the table of all of them.
 
+use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use petzval_base::FileError;
 use schemars::generate::SchemaSettings;
@@ -14,6 +16,7 @@ use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, Result, Stopped};
 use crate::panic_place;
+use crate::results::NOWHERE;
 
 /// A verb: a request comes in, a response goes out.
 pub trait Job {
@@ -47,7 +50,7 @@ pub struct Row {
     #[serde(skip)]
     response_schema: fn() -> Value,
     #[serde(skip)]
-    filled_in: fn(Value) -> Result<Value>,
+    filled_in: fn(Value) -> Result<Value, FileError>,
     #[serde(skip)]
     run: fn(Value, &Context) -> Result<Value>,
     #[serde(skip)]
@@ -58,6 +61,8 @@ pub struct Row {
     going_on: fn(Value, &Path) -> Result<Option<Value>>,
     #[serde(skip)]
     behind: fn(Value, &Context) -> Result<Vec<PathBuf>>,
+    #[serde(skip)]
+    out_in: Option<&'static str>,
 }
 
 impl Row {
@@ -74,12 +79,21 @@ impl Row {
             kept_in: kept_in::<J>,
             going_on: going_on::<J>,
             behind: behind::<J>,
+            out_in: J::UNIT.out_in,
         }
     }
 
     /// The JSON Schema of its request.
     pub fn schema(&self) -> Value {
         (self.schema)()
+    }
+
+    /// The JSON Schema of its request, made once: units by the thousand are of one job.
+    pub(crate) fn kept_schema(&self) -> Arc<Value> {
+        static SCHEMAS: Mutex<BTreeMap<&str, Arc<Value>>> = Mutex::new(BTreeMap::new());
+        // The map stays valid if a thread panics while it holds the lock.
+        let mut known = SCHEMAS.lock().unwrap_or_else(PoisonError::into_inner);
+        known.entry(self.name).or_insert_with(|| Arc::new(self.schema())).clone()
     }
 
     /// The JSON Schema of its response.
@@ -89,7 +103,22 @@ impl Row {
 
     /// A request with every default filled in. A request that does not fit the schema is an error with the key that is wrong.
     pub fn filled_in(&self, request: Value) -> Result<Value> {
+        (self.filled_in)(request).map_err(|wrong| self.refused(wrong))
+    }
+
+    /// As [`Row::filled_in`], for a unit of work: a folder of results that a call must name may be left out. The error names the key path, and
+    /// has a hint.
+    pub fn filled_in_as_unit(&self, mut request: Value) -> Result<Value, FileError> {
+        let table = self.out_in.and_then(|table| request.pointer_mut(table)).and_then(Value::as_object_mut);
+        if let Some(keys) = table {
+            keys.entry("out").or_insert_with(|| NOWHERE.into());
+        }
         (self.filled_in)(request)
+    }
+
+    /// The error of a request that does not fit, from that of one of its keys.
+    pub fn refused(&self, wrong: FileError) -> JobError {
+        refused(self.name, wrong)
     }
 
     /// A request with another seed; none if the job draws nothing at random.
@@ -167,24 +196,39 @@ pub(crate) fn joined(hint: Option<&str>, more: &str) -> String {
     format!("{hint}{end} {more}")
 }
 
+/// Where to read what a request of a job may hold.
+pub(crate) fn schema_hint(job: &str) -> String {
+    format!("`petzval schema job {job}` prints what a request may hold")
+}
+
+/// The error of a request of a job, from that of one of its keys.
+fn refused(job: &str, wrong: FileError) -> JobError {
+    let hint = wrong.hint.clone().unwrap_or_default();
+    JobError::input(format!("request of {job}: {}", FileError { hint: None, ..wrong }), hint)
+}
+
 fn request<J: Job>(request: Value) -> Result<J::Request> {
-    let known = format!("`petzval schema job {}` prints what a request may hold", J::NAME);
-    let refused = |error: FileError| {
-        let hint = joined(error.hint.as_deref(), &known);
-        JobError::input(format!("request of {}: {}", J::NAME, FileError { hint: None, ..error }), hint)
+    read::<J>(request).map_err(|wrong| refused(J::NAME, wrong))
+}
+
+/// A request as the job reads it. The error names the key path of what does not fit, and has a hint.
+fn read<J: Job>(request: Value) -> Result<J::Request, FileError> {
+    let hinted = |error: FileError| FileError {
+        hint: Some(joined(error.hint.as_deref(), &schema_hint(J::NAME))),
+        ..error
     };
     if !J::NEEDS.is_empty() && !request.is_object() {
-        return Err(refused(FileError::of_value(".", "expected an object")));
+        return Err(hinted(FileError::of_value(".", "expected an object")));
     }
     if let Some(missing) = J::NEEDS.iter().find(|key| request.get(key).is_none()) {
         let error = FileError::of_value(missing, "the key is missing");
-        return Err(refused(match misspelt::<J>(&request, missing) {
+        return Err(hinted(match misspelt::<J>(&request, missing) {
             Some(key) => error.hint(format!("`{key}` is no key here; did you mean `{missing}`?")),
             None => error,
         }));
     }
     serde_path_to_error::deserialize(request)
-        .map_err(|error| refused(FileError::of_value(&error.path().to_string(), &error.inner().to_string())))
+        .map_err(|error| hinted(FileError::of_value(&error.path().to_string(), &error.inner().to_string())))
 }
 
 /// The key of a request that the job does not know, and that comes near a missing one.
@@ -199,8 +243,8 @@ fn misspelt<J: Job>(request: &Value, missing: &str) -> Option<String> {
 }
 
 /// A request as the job reads it, with every default filled in.
-fn filled_in<J: Job>(of: Value) -> Result<Value> {
-    to_json(&request::<J>(of)?)
+fn filled_in<J: Job>(of: Value) -> Result<Value, FileError> {
+    serde_json::to_value(read::<J>(of)?).map_err(|e| FileError::of_value(".", &e.to_string()))
 }
 
 fn to_json(of: &impl Serialize) -> Result<Value> {
@@ -240,8 +284,6 @@ fn run<J: Job>(of: Value, context: &Context) -> Result<Value> {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use super::*;
     use crate::context::Silent;
 
@@ -278,5 +320,30 @@ mod tests {
         assert!(matches!(&error, JobError::Panic { place: Some(_), .. }), "{error}");
         assert!(error.to_string().ends_with(": one is too few: 1"), "{error}");
         assert_eq!(row.run(2.into(), &context).unwrap(), 2);
+    }
+
+    #[test]
+    fn the_schema_of_one_job_is_made_once() {
+        let row = crate::row("lens-trace").unwrap();
+        assert!(Arc::ptr_eq(&row.kept_schema(), &row.kept_schema()));
+        assert_eq!(*row.kept_schema(), row.schema());
+    }
+
+    #[test]
+    fn a_unit_may_leave_out_a_folder_of_results_that_a_call_must_name() {
+        let psf = crate::row("psf").unwrap();
+        let request = serde_json::json!({"lens": "cooke-triplet-nominal"});
+        assert!(
+            psf.filled_in(request.clone()).unwrap_err().to_string().contains("`out`: the key is missing")
+        );
+        assert_eq!(psf.filled_in_as_unit(request).unwrap()["out"], NOWHERE);
+        let own = serde_json::json!({"lens": "cooke-triplet-nominal", "out": "own"});
+        assert_eq!(psf.filled_in_as_unit(own).unwrap()["out"], "own");
+        let search = serde_json::json!({"start": {"new": {"lens": "cooke-triplet-nominal"}}});
+        let search = crate::row("lens-optimize").unwrap().filled_in_as_unit(search).unwrap();
+        assert_eq!(search["start"]["new"]["out"], NOWHERE);
+        let wrong = psf.filled_in_as_unit(serde_json::json!({"out": "own"})).unwrap_err();
+        assert_eq!((wrong.key.as_str(), wrong.message.as_str()), ("lens", "the key is missing"));
+        assert_eq!(wrong.hint, Some(schema_hint("psf")));
     }
 }

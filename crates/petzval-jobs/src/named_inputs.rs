@@ -61,7 +61,7 @@ impl Row {
     /// The inputs that a complete request of [`Row::filled_in`] names. A text is a file of another kind if it ends as the names of files do, and if it
     /// is no place of results.
     pub fn named_inputs(&self, request: &Value) -> Result<Vec<NamedInput>> {
-        let schema = self.schema();
+        let schema = self.kept_schema();
         let mut found = Vec::new();
         by_schema(&schema, &schema, request, "", &mut found);
         let placed = self.kept_in(request.clone(), Path::new(NOWHERE))?;

@@ -128,8 +128,10 @@ pub struct CapturedPosition {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> =
-    AsUnit::seeded(|request, seed| request.seed = seed, |request, folder| request.out = folder.to_owned());
+pub(crate) const UNIT: AsUnit<Request> = AsUnit {
+    out_in: Some(""),
+    ..AsUnit::seeded(|request, seed| request.seed = seed, |request, folder| request.out = folder.to_owned())
+};
 
 /// Traces the PSFs, exposes all frames, and writes them with their manifest.
 pub fn run(request: &Request, context: &Context) -> Result<Response> {

@@ -1,26 +1,18 @@
 //! Numbers of a request outside the ranges of its schema, found before the job runs.
 
-use std::collections::BTreeMap;
-use std::sync::LazyLock;
-
 use petzval_base::FileError;
 use petzval_files::wavelength_hint;
 use serde_json::Value;
 
-use crate::job::Row;
+use crate::job::{Row, schema_hint};
 use crate::range::{number_text, short};
-use crate::table::jobs;
 
 impl Row {
     /// The first number of a request outside the range that its schema gives it, with its key path and a hint. The request fits its schema
     /// otherwise; a number that it leaves out has its default.
     pub fn out_of_range(&self, request: &Value) -> Option<FileError> {
-        // Units by the thousand are of one job.
-        static SCHEMAS: LazyLock<BTreeMap<&str, Value>> =
-            LazyLock::new(|| jobs().iter().map(|row| (row.name, row.schema())).collect());
-        let wrong = out_of_range(SCHEMAS.get(self.name)?, request)?;
-        let known = || format!("`petzval schema job {}` prints what a request may hold", self.name);
-        Some(FileError { hint: wrong.hint.clone().or_else(|| Some(known())), ..wrong })
+        let wrong = out_of_range(&self.kept_schema(), request)?;
+        Some(FileError { hint: wrong.hint.clone().or_else(|| Some(schema_hint(self.name))), ..wrong })
     }
 }
 

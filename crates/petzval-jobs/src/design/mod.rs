@@ -188,6 +188,7 @@ pub(crate) const UNIT: AsUnit<Request> = AsUnit {
         }
         Run::Resume(_) => Ok(Vec::new()),
     }),
+    ..AsUnit::PLAIN
 };
 
 /// Files and folders that an experiment names.

@@ -84,10 +84,13 @@ pub struct Response {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit::seeded(
-    |request, seed| request.camera.seed = seed,
-    |request, folder| request.out = folder.to_owned(),
-);
+pub(crate) const UNIT: AsUnit<Request> = AsUnit {
+    out_in: Some(""),
+    ..AsUnit::seeded(
+        |request, seed| request.camera.seed = seed,
+        |request, folder| request.out = folder.to_owned(),
+    )
+};
 
 /// Takes, develops and measures the chart. The folder `out` gets `chart.json` (the response), `chart.png` and `chart.html`.
 pub fn run(request: &Request, context: &Context) -> Result<Response> {

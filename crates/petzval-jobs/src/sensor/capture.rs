@@ -126,8 +126,10 @@ pub fn frames(request: &Request, context: &Context) -> Result<Frames> {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> =
-    AsUnit::seeded(|request, seed| request.seed = seed, |request, folder| request.out = folder.to_owned());
+pub(crate) const UNIT: AsUnit<Request> = AsUnit {
+    out_in: Some(""),
+    ..AsUnit::seeded(|request, seed| request.seed = seed, |request, folder| request.out = folder.to_owned())
+};
 
 /// Exposes and writes the frames that the folder does not hold yet, and lists all of them.
 pub fn run(request: &Request, context: &Context) -> Result<Response> {

@@ -43,6 +43,7 @@ impl<P> Request<P> {
             going_on: Some(|_, folder| {
                 TrainingFolder::is_in(folder).then(|| Self::Resume { folder: folder.to_owned() })
             }),
+            out_in: Some("/new"),
             ..AsUnit::PLAIN
         }
     }

@@ -38,7 +38,7 @@ pub struct Unit {
     /// Its name, by which it is run again. It does not belong to the key.
     pub name: String,
     /// The job with its request. Relative paths are those of the folder in which the program runs; `petzval unit run` runs in the folder of the
-    /// file of units. The folder of results in the request is replaced by one in the store.
+    /// file of units. The folder of results in the request is replaced by one in the store, and may be left out where a call needs one.
     pub call: Call,
     /// Seed of everything random in place of that of the request.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use petzval_base::FileError;
 use petzval_jobs::{CALL_FORMAT, Context, JobError, NOWHERE, Result, Row, row};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
@@ -93,13 +92,11 @@ fn changed(inputs: &[InputDigest]) -> JobError {
     )
 }
 
-/// The request with every default, the seed of the unit, and nowhere to write to.
+/// The request with every default, the seed of the unit, and nowhere to write to. It may leave its folder of results out.
 fn complete(unit: &Unit, row: &Row) -> Result<Value> {
-    let request = row.filled_in(unit.call.request.clone())?;
+    let request = row.filled_in_as_unit(unit.call.request.clone()).map_err(|wrong| row.refused(wrong))?;
     if let Some(wrong) = row.out_of_range(&unit.call.request) {
-        let hint = wrong.hint.clone().unwrap_or_default();
-        let wrong = FileError { hint: None, ..wrong };
-        return Err(JobError::input(format!("request of {}: {wrong}", row.name), hint));
+        return Err(row.refused(wrong));
     }
     let request = match unit.seed {
         None => request,

@@ -91,6 +91,8 @@ fn a_key_has_what_decides_the_result_and_nothing_else() {
         key(&Unit::new("p", Call::new("psf", request)))
     };
     assert_eq!(out("a"), out("b/c"));
+    let without = Call::new("psf", json!({"lens": "cooke-triplet-nominal"}));
+    assert_eq!(out("a"), key(&Unit::new("p", without)));
 }
 
 #[test]
@@ -260,7 +262,7 @@ fn texts(of: &Value, keys: &[&str], found: &mut Vec<String>) {
 fn every_job_writes_where_its_unit_says_and_takes_a_seed_if_it_has_one() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-jobs/tests/calls.json");
     let calls: Vec<Call> = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
-    let (mut placed, mut seeded) = (0, 0);
+    let (mut placed, mut seeded, mut left_out) = (0, 0, 0);
     for call in calls {
         let row = row(&call.job).unwrap();
         let request = row.filled_in(call.request.clone()).unwrap();
@@ -273,6 +275,14 @@ fn every_job_writes_where_its_unit_says_and_takes_a_seed_if_it_has_one() {
         after.retain(|text| text != ".");
         assert!(after.iter().all(|text| text.starts_with("/store/work")), "{}: {kept}", call.job);
         placed += usize::from(!after.is_empty() && before != after);
+        // A folder that a call must name is none of a unit's business.
+        let mut without = call.request.clone();
+        leave_out(&mut without);
+        if row.filled_in(without.clone()).is_err() {
+            let bare = row.filled_in_as_unit(without).unwrap_or_else(|e| panic!("{}: {e}", call.job));
+            assert_eq!(row.kept_in(bare, Path::new("/store/work")).unwrap(), kept, "{}", call.job);
+            left_out += 1;
+        }
         if let Some(with_seed) = row.seeded(request.clone(), 987_654).unwrap() {
             let is_new = with_seed.to_string().contains("987654");
             let goes_on = ["resume", "made\":null"].iter().any(|part| request.to_string().contains(part));
@@ -281,4 +291,13 @@ fn every_job_writes_where_its_unit_says_and_takes_a_seed_if_it_has_one() {
         }
     }
     assert_eq!((placed, seeded), (19, 11), "calls that write, and calls that draw at random");
+    assert_eq!(left_out, 9, "calls that must name a folder");
+}
+
+/// Takes every key `out` out of a request.
+fn leave_out(of: &mut Value) {
+    if let Some(keys) = of.as_object_mut() {
+        keys.remove("out");
+        keys.values_mut().for_each(leave_out);
+    }
 }

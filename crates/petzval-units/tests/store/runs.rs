@@ -50,6 +50,19 @@ fn files_of_a_job_are_in_the_store_and_named_from_there() {
 }
 
 #[test]
+fn a_unit_whose_job_needs_a_folder_of_results_has_one_in_the_store() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = store(folder.path());
+    let small = json!({"lens": "cooke-triplet-nominal", "fields": 2, "grid": 16, "pupil_cells": 12, "pupil_error": 2});
+    let Outcome::Done(result) = run_unit(&unit("psf", "psf", small), &store, &context(), USUAL).unwrap()
+    else {
+        panic!()
+    };
+    assert_eq!(result.response["files"][0], "files/psf.npy");
+    assert!(store.files(&result).unwrap().join("psf.npy").is_file());
+}
+
+#[test]
 fn a_unit_that_fails_keeps_its_error_and_is_run_again_only_on_request() {
     let folder = tempfile::tempdir().unwrap();
     let store = store(folder.path());

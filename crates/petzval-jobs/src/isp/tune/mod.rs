@@ -134,6 +134,7 @@ pub(crate) const UNIT: AsUnit<Request> = AsUnit {
         TuneFolder::is_in(folder)
             .then(|| Request { start: Start::Resume { folder: folder.to_owned() }, ..request.clone() })
     }),
+    out_in: Some("/start/new"),
     ..AsUnit::PLAIN
 };
 

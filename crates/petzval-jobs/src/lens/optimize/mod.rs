@@ -67,6 +67,7 @@ pub(crate) const UNIT: AsUnit<Request> = AsUnit {
             trade: request.trade,
         })
     }),
+    out_in: Some("/start/new"),
     ..AsUnit::PLAIN
 };
 

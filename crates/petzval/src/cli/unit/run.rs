@@ -22,7 +22,8 @@ use super::super::terminal::{Terminal, print_json};
 ///
 /// A unit with a result is left alone; one that was stopped goes on from its checkpoint; any other begins. So the same command can be
 /// given again at any time, and by many processes at once: each takes units that nobody works on, and all wait until none is left. Relative
-/// paths in a file of units start in its folder. The folder of results in a request is replaced by one in the store.
+/// paths in a file of units start in its folder. The folder of results in a request is replaced by one in the store; where a call needs one, a
+/// unit may leave it out.
 ///
 /// Exit codes: 0 all units have a result, 1 some have failed, 2 the file or the store cannot be used, 75 stopped by a signal
 /// (INT, TERM, HUP, USR1, USR2): the same command goes on.
