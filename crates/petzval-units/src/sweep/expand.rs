@@ -51,10 +51,7 @@ pub struct Expansion {
 /// The order depends on names and values alone. A draw depends on the seed of `random`, its number and its key: more draws leave the earlier ones as
 /// they are. Drawn numbers have four digits, and in a narrow range as many as tell its places apart. Equal values of a list are refused, equal draws are merged.
 pub fn expand(file: &SweepFile, text: &str) -> Result<Expansion, FileError> {
-    let wrong = |place: &[String], message: String, hint: &str| {
-        let place: Vec<&str> = place.iter().map(String::as_str).collect();
-        at_place(text, &place, message).hint(hint)
-    };
+    let wrong = wrong_in(text);
     let grid = lists(&file.grid, "grid", &wrong)?;
     let list = lists(&file.list, "list", &wrong)?;
     let random = Random::of(&file.random, &wrong)?;
@@ -124,6 +121,14 @@ pub fn expand(file: &SweepFile, text: &str) -> Result<Expansion, FileError> {
 
 /// How an error at a place of the file is made.
 type Wrong<'a> = dyn Fn(&[String], String, &str) -> FileError + 'a;
+
+/// How an error at a place of a text is made.
+fn wrong_in(text: &str) -> impl Fn(&[String], String, &str) -> FileError {
+    move |place: &[String], message: String, hint: &str| {
+        let place: Vec<&str> = place.iter().map(String::as_str).collect();
+        at_place(text, &place, message).hint(hint)
+    }
+}
 
 /// The error of a list without values.
 fn empty(place: &[String], wrong: &Wrong) -> FileError {
@@ -221,25 +226,45 @@ fn leaves<'t>(
     }
 }
 
+/// The value at a place of a text as JSON. Fails at a date and at a number that is not finite, which JSON lacks.
+pub(super) fn json_at(value: &toml::Value, place: &[String], text: &str) -> Result<Value, FileError> {
+    json(value, place, &wrong_in(text))
+}
+
 /// A value as JSON.
 fn json(value: &toml::Value, place: &[String], wrong: &Wrong) -> Result<Value, FileError> {
-    if let Some((message, hint)) = not_in_json(value) {
-        return Err(wrong(place, message.to_owned(), hint));
+    if let Some(NotInJson { below, message, hint }) = not_in_json(value) {
+        return Err(wrong(&[place, &below[..]].concat(), message.to_owned(), hint));
     }
     serde_json::to_value(value).map_err(|e| wrong(place, e.to_string(), "give text, a number, true or false"))
 }
 
-/// What of a value, or of one in it, JSON cannot hold, with a hint.
-fn not_in_json(value: &toml::Value) -> Option<(&'static str, &'static str)> {
+/// What JSON cannot hold.
+struct NotInJson {
+    /// Where it lies below a value.
+    below: Vec<String>,
+    message: &'static str,
+    hint: &'static str,
+}
+
+/// The first part of a value that JSON cannot hold.
+fn not_in_json(value: &toml::Value) -> Option<NotInJson> {
+    let wrong = |message, hint| Some(NotInJson { below: Vec::new(), message, hint });
+    let below = |key: String, value: &toml::Value| {
+        let found = not_in_json(value)?;
+        Some(NotInJson { below: [vec![key], found.below].concat(), ..found })
+    };
     match value {
         toml::Value::Datetime(_) => {
-            Some(("neither text, number, true, false nor a list of them", "write dates in quotes"))
+            wrong("neither text, number, true, false nor a list of them", "write dates in quotes")
         }
         toml::Value::Float(number) if !number.is_finite() => {
-            Some(("not a finite number", "give finite numbers: neither nan nor inf"))
+            wrong("not a finite number", "give finite numbers: neither nan nor inf")
         }
-        toml::Value::Array(values) => values.iter().find_map(not_in_json),
-        toml::Value::Table(table) => table.values().find_map(not_in_json),
+        toml::Value::Array(values) => {
+            values.iter().enumerate().find_map(|(i, value)| below(i.to_string(), value))
+        }
+        toml::Value::Table(table) => table.iter().find_map(|(key, value)| below(key.clone(), value)),
         _ => None,
     }
 }
@@ -594,6 +619,7 @@ mod tests {
             ("[grid]\na = [2026-11-28]\n", 2, "neither text"),
             ("[grid]\na = [1, nan]\n", 2, "`a = nan`: not a finite number"),
             ("[list]\na = [[1, inf]]\n", 2, "neither nan nor inf"),
+            ("[grid]\na = [{b = 1}, {b = [\n  2,\n  nan]}]\n", 4, "`b = nan`: not a finite number"),
             ("[random]\nn = 3\nk = {choice = [1, -inf]}\n", 3, "not a finite number"),
             ("[grid]\na = [1]\n[list]\na = [2]\n", 4, "`a` varies already, in [grid]"),
             ("[grid]\na = [1]\n\"a.b\" = [1]\n", 3, "`a` varies already"),

@@ -3,15 +3,17 @@
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
 
+use petzval_base::FileError;
 use petzval_jobs::design::{Changes, NewRun, Request, Run, Settings, VariantNames};
 use petzval_jobs::{
     Call, Context, DEVICES, ExperimentInput, InputKind, JobError, MOST_THREADS, Result, design, row,
 };
 use serde_json::{Map, Value};
 
-use super::expand::{Expansion, SweptKey, by_key, expand, leaves_of};
+use super::expand::{Expansion, SweptKey, by_key, expand, json_at, leaves_of};
 use super::file::{Level, Source, in_file};
 use super::name::names;
+use super::place::at_place;
 
 /// The job of a sweep over an experiment.
 pub const DESIGN: &str = "design";
@@ -82,14 +84,14 @@ pub fn plan(source: &Source, context: &Context) -> Result<Plan> {
         let hint = "threads of one unit; 0 takes those that the machine or the cluster gives";
         return Err(source.at(&["threads"], format!("more than {MOST_THREADS}"), hint));
     }
-    let names = names(&expansion);
+    let (names, common) = (names(&expansion), Common::of(source)?);
     let mut checked = HashSet::new();
     let total = names.len();
     let mut known: HashMap<String, usize> = HashMap::new();
     let mut units = Vec::with_capacity(total);
     for (place, name) in names.iter().enumerate() {
         context.check(|| format!("stopped after the check of {place} of {total} units"))?;
-        let unit = Unresolved { source, expansion: &expansion, place, name, total };
+        let unit = Unresolved { source, expansion: &expansion, common: &common, place, name, total };
         let call = if file.experiment.is_some() {
             unit.design(context)?
         } else {
@@ -151,10 +153,37 @@ fn check_is_of_a_job(source: &Source, job: &str) -> Result<()> {
     Ok(())
 }
 
+/// What every unit has.
+struct Common {
+    /// The values of the table `set`, by key path.
+    set: Settings,
+    /// The table `request`.
+    request: Value,
+}
+
+impl Common {
+    /// Reads both tables. Paths beside the sweep are absolute. Fails at the place of a date, and of a number that is not finite.
+    fn of(source: &Source) -> Result<Self> {
+        let json = |value: &toml::Value, place: &[String]| -> Result<Value> {
+            let mut value =
+                json_at(value, place, &source.text).map_err(|error| in_file(&source.path, error))?;
+            located(&mut value, source);
+            Ok(value)
+        };
+        let mut set = Settings::new();
+        for (place, value) in leaves_of(&source.file.set, "set") {
+            set.insert(place[1..].join("."), json(value, &place)?);
+        }
+        let request = toml::Value::Table(source.file.request.clone());
+        Ok(Self { set, request: json(&request, &["request".to_owned()])? })
+    }
+}
+
 /// A combination that is made a call.
 struct Unresolved<'a> {
     source: &'a Source,
     expansion: &'a Expansion,
+    common: &'a Common,
     place: usize,
     name: &'a str,
     total: usize,
@@ -177,14 +206,7 @@ impl Unresolved<'_> {
     fn design(&self, context: &Context) -> Result<Call> {
         let file = &self.source.file;
         let combination = &self.expansion.combinations[self.place];
-        let mut set: Settings = leaves_of(&file.set, "set")
-            .into_iter()
-            .map(|(place, value)| {
-                let mut value = serde_json::to_value(value).unwrap_or_default();
-                located(&mut value, self.source);
-                (place[1..].join("."), value)
-            })
-            .collect();
+        let mut set = self.common.set.clone();
         for (key, value) in self.values() {
             if set.insert(key.clone(), value).is_some() {
                 return Err(self.at_key(&key, "stands in [set] as well", "let it vary, or set it"));
@@ -218,12 +240,10 @@ impl Unresolved<'_> {
 
     /// A job with its values in the base request.
     fn job(&self, job: &str, context: &Context, checked: &mut HashSet<(InputKind, String)>) -> Result<Call> {
-        let file = &self.source.file;
-        let mut request = serde_json::to_value(&file.request).map_err(|e| JobError::failed(e.to_string()))?;
-        located(&mut request, self.source);
+        let mut request = self.common.request.clone();
         let seed =
             self.expansion.combinations[self.place].seed.map(|seed| ("seed".to_owned(), Value::from(seed)));
-        let device = file.device.clone().map(|device| ("device".to_owned(), Value::from(device)));
+        let device = self.source.file.device.clone().map(|device| ("device".to_owned(), Value::from(device)));
         for (key, value) in self.values().into_iter().chain(seed).chain(device) {
             put(&mut request, &key, value).map_err(|message| {
                 self.at_key(
@@ -235,9 +255,9 @@ impl Unresolved<'_> {
         }
         // A request that does not fit its schema is refused here.
         let row = row(job)?;
-        let complete = row.filled_in(request.clone()).map_err(|error| self.explained(error))?;
+        let complete = row.filled_in_as_unit(request.clone()).map_err(|wrong| self.at_request(&wrong))?;
         if let Some(wrong) = row.out_of_range(&request) {
-            return Err(self.at_request_key(&wrong.key, &wrong.message, wrong.hint.as_deref().unwrap_or("")));
+            return Err(self.at_request(&wrong));
         }
         context.check(|| "stopped")?;
         // So is an input that no unit could read; one of many units is looked at once.
@@ -264,7 +284,15 @@ impl Unresolved<'_> {
         self.at_request_key(key, &message, &hint)
     }
 
-    /// An error about a key path of the request: at the value that varies, in the list of seeds, or in the table of the request.
+    /// The error of a request, at the place of its key.
+    fn at_request(&self, wrong: &FileError) -> JobError {
+        // Readers of JSON number the elements of lists in brackets.
+        let key = wrong.key.replace('[', ".").replace(']', "");
+        self.at_request_key(&key, &wrong.message, wrong.hint.as_deref().unwrap_or(""))
+    }
+
+    /// An error about a key path of the request: at the value that varies, in the list of seeds, or in the table of the request. One about a
+    /// key that is not in that table is shown at a key that varies below it, at the nearest table above it, or at the job.
     fn at_request_key(&self, key: &str, message: &str, hint: &str) -> JobError {
         let holds = |swept: &&SweptKey| key == swept.key || key.starts_with(&format!("{}.", swept.key));
         if let Some(swept) = self.expansion.keys.iter().find(holds) {
@@ -275,7 +303,21 @@ impl Unresolved<'_> {
             return self.source.at(&["seeds", &place.to_string()], message, hint);
         }
         let place: Vec<&str> = ["request"].into_iter().chain(key.split('.')).collect();
-        self.source.at(&place, message, hint)
+        let at =
+            |place: &[&str]| Some(at_place(&self.source.text, place, message)).filter(|e| e.line.is_some());
+        let error = match at(&place[..]) {
+            Some(error) => error,
+            None => {
+                let below = |swept: &&SweptKey| swept.key.starts_with(&format!("{key}."));
+                if let Some(swept) = self.expansion.keys.iter().find(below) {
+                    return self.at_key(&swept.key, &format!("`{key}`: {message}"), hint);
+                }
+                let above = (1..place.len()).rev().find_map(|length| at(&place[..length]));
+                let above = above.unwrap_or_else(|| at_place(&self.source.text, &["job"], message));
+                FileError { key: key.to_owned(), ..above.without_value() }
+            }
+        };
+        in_file(&self.source.path, if hint.is_empty() { error } else { error.hint(hint) })
     }
 
     /// An error of the unit, at the place of the file that it comes from.
@@ -343,12 +385,8 @@ impl Unresolved<'_> {
         });
         let place = in_list.map(|place| place.to_string());
         let whole: Vec<&str> = path.iter().copied().chain(place.as_deref()).collect();
-        let error = petzval_base::FileError::at_key(
-            &self.source.text,
-            &whole,
-            format!("{}: {message}", self.in_words()),
-        );
-        let error = petzval_base::FileError { key: swept.key.clone(), ..error };
+        let error = FileError::at_key(&self.source.text, &whole, format!("{}: {message}", self.in_words()));
+        let error = FileError { key: swept.key.clone(), ..error };
         in_file(&self.source.path, if hint.is_empty() { error } else { error.hint(hint) })
     }
 

@@ -120,6 +120,35 @@ fn what_is_wrong_is_refused_with_its_place_and_nothing_is_written() {
             "job = \"lens-trace\"\n[request]\nlens = \"cooke-triplet-nominal\"\nwavelength = 550\npupil = [0, 1]\n[grid]\nfield = [1, 2]\n",
             &["s.toml:4:14: `wavelength = 550`: must lie between 0.2 and 20", "did you mean 0.55?"],
         ),
+        // Numbers that JSON cannot hold: they would count as left out.
+        (
+            "job = \"lens-optimize\"\n[request]\nseconds = inf\nstart.new = {lens = \"cooke-triplet-nominal\"}\n[grid]\niterations = [1, 2]\n",
+            &["s.toml:3:11: `seconds = inf`: not a finite number", "neither nan nor inf"],
+        ),
+        (
+            "job = \"lens-trace\"\n[request]\nlens = \"cooke-triplet-nominal\"\nwavelength = 0.5\npupil = [0, nan]\n[grid]\nfield = [1, 2]\n",
+            &["s.toml:5:13: `pupil = nan`: not a finite number"],
+        ),
+        (
+            "experiment = \"tiny.toml\"\n[set]\npsf.pitch_um = nan\n[grid]\nseed = [1, 2]\n",
+            &["s.toml:3:16: `pitch_um = nan`: not a finite number"],
+        ),
+        // Values of another kind, and keys that are missing.
+        (
+            "job = \"lens-trace\"\n[request]\nlens = \"cooke-triplet-nominal\"\nwavelength = 0.5\npupil = [0, \"x\"]\n[grid]\nfield = [1, 2]\n",
+            &[
+                "s.toml:5:13: `pupil = \"x\"`: expected a number, found a text",
+                "petzval schema job lens-trace",
+            ],
+        ),
+        (
+            "job = \"lens-trace\"\n[request]\nlens = \"cooke-triplet-nominal\"\nwavelength = 0.5\n[grid]\nfield = [1, 2]\n",
+            &["s.toml:2:", "`pupil`: the key is missing"],
+        ),
+        (
+            "job = \"lens-trace\"\n[grid]\nlens = [\"cooke-triplet-nominal\"]\nfield = [1, 2]\n",
+            &["s.toml:1:7: `wavelength`: the key is missing"],
+        ),
         // What the request of the job has no key for.
         (
             "job = \"lens-show\"\nseeds = [1, 2]\n[grid]\nlens = [\"cooke-triplet-nominal\"]\n",
@@ -214,6 +243,12 @@ fn a_sweep_of_a_job_is_run_here_gathered_and_a_failed_unit_run_again() {
         2,
         &["--y lens: the values of this key are no numbers"],
     );
+
+    // Each unit has a folder of its own: the sweep names none.
+    let psfs = "job = \"psf\"\n[request]\nlens = \"cooke-triplet-nominal\"\n[grid]\ngrid = [16, 32]\n";
+    write(folder.path(), "p.toml", psfs);
+    let dry = run_ok(folder.path(), &["sweep", "p.toml", "--dry-run"]);
+    assert!(dry.stdout.starts_with("2 units\n  grid=16\n  grid=32\n"), "{}", dry.stdout);
 
     // A ray at a field that the lens cannot take fails, and nothing else does.
     let trace = "job = \"lens-trace\"\n[request]\nlens = \"cooke-triplet-nominal\"\nwavelength = 0.55\npupil = [0.0, 0.5]\n[grid]\nfield = [5.0, 400.0]\n";
