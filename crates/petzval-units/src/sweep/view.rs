@@ -87,38 +87,58 @@ fn shown_figures(gathered: &Gathered, named: &[String]) -> Result<Vec<usize>> {
     }
 }
 
-/// Places of the figures that say how units differ; all figures where none does.
+/// Places of the figures that say how units differ, last those that only some units have; all figures where none does.
 pub fn figures_that_vary(gathered: &Gathered) -> Vec<usize> {
     let has_decimals = |k: &usize| gathered.figures[*k].decimals.is_some();
     let described: Vec<usize> = (0..gathered.figures.len()).filter(has_decimals).collect();
     let all = if described.is_empty() { (0..gathered.figures.len()).collect() } else { described };
-    let varying: Vec<usize> = all.iter().copied().filter(|k| varies(gathered, *k)).collect();
-    let mut chosen = if varying.is_empty() { all } else { varying };
+    let (varying, same): (Vec<usize>, Vec<usize>) = all.iter().copied().partition(|k| varies(gathered, *k));
+    let varying = varying.into_iter().filter(|k| !repeats_a_key(gathered, *k));
+    let lacking = same.into_iter().filter(|k| is_lacking(gathered, *k));
+    let unlike: Vec<usize> = varying.chain(lacking).collect();
+    let mut chosen = if unlike.is_empty() { all } else { unlike };
     if !chosen.iter().any(has_decimals) {
         chosen.truncate(SHOWN_FIGURES);
     }
     chosen
 }
 
-/// Whether two of the values that units have of a figure differ, and it does not repeat a key, as the seed of a response does.
+/// Whether two of the values that units have of a figure differ.
 fn varies(gathered: &Gathered, k: usize) -> bool {
-    let values = || gathered.units.iter().filter_map(|unit| unit.figures[k]);
+    let mut values = gathered.units.iter().filter_map(|unit| unit.figures[k]);
+    values.next().is_some_and(|first| values.any(|value| value != first))
+}
+
+/// Whether a figure has the value of a key wherever it has one, as the seed of a response does.
+fn repeats_a_key(gathered: &Gathered, k: usize) -> bool {
     let repeats = |key: usize| {
         gathered
             .units
             .iter()
             .all(|unit| unit.figures[k].is_none_or(|value| unit.values[key].as_f64() == Some(value)))
     };
-    values().any(|value| Some(value) != values().next()) && !(0..gathered.keys.len()).any(repeats)
+    (0..gathered.keys.len()).any(repeats)
 }
 
-/// Titles and values of the figures that every unit has alike and the table leaves out.
+/// Units that have figures. One that has none, such as a ray that is lost, says nothing of a single figure.
+fn units_with_figures(gathered: &Gathered) -> impl Iterator<Item = &UnitResult> {
+    gathered.units.iter().filter(|unit| unit.figures.iter().any(Option::is_some))
+}
+
+/// Whether some units have a figure and others, which have figures, lack it.
+fn is_lacking(gathered: &Gathered, k: usize) -> bool {
+    let mut has = units_with_figures(gathered).map(|unit| unit.figures[k].is_some());
+    has.next().is_some_and(|first| has.any(|other| other != first))
+}
+
+/// Titles and values of the figures that every unit with figures has alike and the table leaves out.
 fn constant_figures(gathered: &Gathered, shown: &[usize]) -> Vec<(String, String)> {
     let left_out = (0..gathered.figures.len()).filter(|k| !shown.contains(k));
     left_out
         .filter_map(|k| {
-            let value = gathered.units.first()?.figures[k]?;
-            let is_same = gathered.units.iter().all(|unit| unit.figures[k] == Some(value));
+            let mut values = units_with_figures(gathered).map(|unit| unit.figures[k]);
+            let value = values.next()??;
+            let is_same = values.all(|other| other == Some(value));
             let FigureColumn { title, unit, .. } = &gathered.figures[k];
             let number = number(&gathered.figures[k], value);
             is_same.then(|| {
@@ -492,6 +512,24 @@ mod tests {
         assert_eq!(figures_that_vary(&gathered), [0, 1, 2], "`trials` is 50 wherever it has a value");
         let view = view(&gathered, &Choice::default(), "").unwrap();
         assert_eq!(view.rows[3].status, "missed surface 3");
+        assert_eq!(view.constant, [("trials".to_owned(), "50".to_owned())]);
+    }
+
+    #[test]
+    fn a_figure_that_a_unit_lacks_has_a_column_though_it_is_the_same_in_all_others() {
+        for without in 0..4 {
+            let mut gathered = tolerances();
+            gathered.units[without].figures[4] = None;
+            assert_eq!(figures_that_vary(&gathered), [0, 1, 2, 4], "unit {without}");
+            let view = view(&gathered, &Choice::default(), "").unwrap();
+            assert_eq!(view.figures.last().unwrap().0, "trials");
+            assert!(view.constant.is_empty());
+        }
+        // One that only a single unit has is none of all; a seed that repeats its key stays one.
+        let mut gathered = tolerances();
+        gathered.units[..3].iter_mut().for_each(|unit| unit.figures[4] = None);
+        gathered.units[1].figures[3] = None;
+        assert_eq!(figures_that_vary(&gathered), [0, 1, 2, 4]);
     }
 
     #[test]
