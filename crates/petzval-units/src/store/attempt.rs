@@ -1,5 +1,6 @@
 //! An attempt at a unit: how it is begun, kept alive, and ended.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
@@ -34,9 +35,9 @@ const MOST_ATTEMPTS: u32 = 200;
 
 impl Store {
     /// Begins a unit, unless it has ended or another process has it. One that failed is begun again if `retries`; one whose folder is damaged as well,
-    /// and the folder is set aside.
+    /// and the folder is set aside. Once another process has begun it, its failure there counts: of two that run a failed unit again, one does.
     ///
-    /// `seen` remembers since when claims are unchanged; a process keeps it for as long as it looks.
+    /// `seen` remembers what claims of others were seen; a process keeps it for as long as it looks.
     pub fn begin(
         &self,
         prepared: &Prepared,
@@ -45,18 +46,9 @@ impl Store {
         seen: &mut Seen,
     ) -> Result<Begun, StoreError> {
         let key = &prepared.key;
-        let number = match self.state(key, seen)? {
-            UnitState::Done(result) => return Ok(Begun::Done(result)),
-            UnitState::Running { claim, .. } => return Ok(Begun::Elsewhere(claim)),
-            UnitState::Failed(failure) if !retries => return Ok(Begun::Failed(failure)),
-            UnitState::Failed(failure) => failure.attempt + 1,
-            UnitState::Damaged(error) if !retries => return Ok(Begun::Damaged(error)),
-            UnitState::Damaged(_) => {
-                self.set_aside(key)?;
-                1
-            }
-            UnitState::Waiting => 1,
-            UnitState::Stopped { attempt } | UnitState::Stale { attempt, .. } => attempt + 1,
+        let number = match self.next_attempt(key, retries, seen)? {
+            Ok(number) => number,
+            Err(begun) => return Ok(begun),
         };
         let folder = self.folder(key);
         self.layer.make_folder(&folder).map_err(StoreError::io(&folder))?;
@@ -67,6 +59,7 @@ impl Store {
         let text = to_json(&claim, &path)?;
         if !self.layer.create(&path, text.as_bytes()).map_err(StoreError::io(&path))? {
             // Another process was faster; its claim may not be visible yet.
+            seen.note_other(key, number, self.clock.now());
             return Ok(Begun::Elsewhere(self.read_if_there(&path)?));
         }
         let mut attempt = Attempt {
@@ -103,14 +96,65 @@ impl Store {
         Ok(Begun::Mine(Box::new(attempt)))
     }
 
-    /// Gives the folder of a unit a name that is none of a unit: what is in it can be looked at.
-    fn set_aside(&self, key: &Key) -> Result<(), StoreError> {
-        let (folder, mut number) = (self.folder(key), 1);
+    /// The number of the attempt that this process may begin, or what became of the beginning.
+    fn next_attempt(
+        &self,
+        key: &Key,
+        retries: bool,
+        seen: &mut Seen,
+    ) -> Result<Result<u32, Begun>, StoreError> {
+        // Before the look at the unit: what another process sets aside after that look has this name.
+        let aside = retries.then(|| self.name_aside(key));
+        let (state, now) = (self.state(key, seen)?, self.clock.now());
+        Ok(match state {
+            UnitState::Done(result) => Err(Begun::Done(result)),
+            UnitState::Running { attempt, claim } => {
+                seen.note_other(key, attempt, now);
+                Err(Begun::Elsewhere(claim))
+            }
+            UnitState::Failed(failure) if !retries => Err(Begun::Failed(failure)),
+            UnitState::Failed(failure) => match seen.is_begun_elsewhere(key, failure.attempt, now) {
+                None => Ok(failure.attempt + 1),
+                Some(true) => Err(Begun::Elsewhere(None)),
+                Some(false) => Err(Begun::Failed(failure)),
+            },
+            UnitState::Damaged(error) => match (aside, seen.is_begun_elsewhere(key, 0, now)) {
+                (None, _) | (_, Some(false)) => Err(Begun::Damaged(error)),
+                (_, Some(true)) => Err(Begun::Elsewhere(None)),
+                (Some(aside), None) => {
+                    let is_own = self.set_aside(key, &aside)?;
+                    if !is_own {
+                        seen.note_other(key, 1, now);
+                    }
+                    is_own.then_some(1).ok_or(Begun::Elsewhere(None))
+                }
+            },
+            UnitState::Waiting => Ok(1),
+            UnitState::Stopped { attempt } | UnitState::Stale { attempt, .. } => Ok(attempt + 1),
+        })
+    }
+
+    /// A name for the folder of a damaged unit that is none of a unit, and that no folder has.
+    fn name_aside(&self, key: &Key) -> PathBuf {
         let aside = |number: u32| self.root().join(format!(".damaged-{}-{number}", key.as_str()));
+        let mut number = 1;
         while self.layer.is_folder(&aside(number)) {
             number += 1;
         }
-        self.layer.rename_folder(&folder, &aside(number)).map_err(StoreError::io(&folder))
+        aside(number)
+    }
+
+    /// Gives the folder of a damaged unit another name, so that what is in it can be looked at. Returns `false` if another process has done so: a
+    /// folder never takes the place of one with files, so the folder of a new attempt stays where it is.
+    fn set_aside(&self, key: &Key, aside: &Path) -> Result<bool, StoreError> {
+        let folder = self.folder(key);
+        match self.layer.rename_folder(&folder, aside) {
+            Ok(()) => Ok(true),
+            Err(error) => match error.kind() {
+                ErrorKind::AlreadyExists | ErrorKind::DirectoryNotEmpty | ErrorKind::NotFound => Ok(false),
+                _ => Err(StoreError::io(&folder)(error)),
+            },
+        }
     }
 }
 

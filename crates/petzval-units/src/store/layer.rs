@@ -7,7 +7,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 /// What a store does with files.
 ///
-/// A change may become visible to other machines seconds later, and listings may be in any order. Only `create` is exclusive at once.
+/// A change may become visible to other machines seconds later, and listings may be in any order. Only `create` and the new name of a folder are
+/// exclusive at once.
 pub trait FileLayer: Send + Sync {
     /// The bytes of a file.
     fn read(&self, path: &Path) -> io::Result<Vec<u8>>;
@@ -33,7 +34,8 @@ pub trait FileLayer: Send + Sync {
     /// The names in a folder, in any order.
     fn list(&self, path: &Path) -> io::Result<Vec<String>>;
 
-    /// Gives a folder another name.
+    /// Gives a folder another name. Fails with `AlreadyExists` or `DirectoryNotEmpty` where a folder with files has that name, at once on all
+    /// machines, and with `NotFound` where there is no such folder.
     fn rename_folder(&self, from: &Path, to: &Path) -> io::Result<()>;
 
     /// Copies a folder with all that is in it to a place where nothing is.
@@ -217,6 +219,21 @@ mod tests {
         assert_eq!(Disk.read(&path).unwrap(), b"other!");
         assert_eq!(Disk.list(folder.path()).unwrap(), ["claim"]);
         assert!(Disk.create(&folder.path().join("none/claim"), b"").is_err());
+    }
+
+    #[test]
+    fn a_folder_does_not_take_the_place_of_one_with_files() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        for name in ["a", "b"] {
+            fs::create_dir(at(name)).unwrap();
+            fs::write(at(name).join("file"), name).unwrap();
+        }
+        let kind = |from: &str| Disk.rename_folder(&at(from), &at("b")).unwrap_err().kind();
+        assert!(matches!(kind("a"), ErrorKind::AlreadyExists | ErrorKind::DirectoryNotEmpty));
+        assert_eq!(kind("none"), ErrorKind::NotFound);
+        assert_eq!(fs::read_to_string(at("a/file")).unwrap(), "a");
+        assert_eq!(fs::read_to_string(at("b/file")).unwrap(), "b");
     }
 
     #[test]

@@ -23,7 +23,8 @@ use petzval_design::run::Holder;
 /// How units are run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RunOptions {
-    /// Run units again that have failed, or whose folder is damaged.
+    /// Run units again that have failed, or whose folder is damaged. Of two processes that run one again at the same time, one does; its failure is
+    /// that of both.
     pub retries: bool,
     /// Do not wait for units that other processes are working on.
     pub leaves_others: bool,

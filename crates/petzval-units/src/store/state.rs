@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::error::StoreError;
 use super::record::{AttemptRecord, Claim, Ended, Failure, StoredResult};
-use super::{STALE_AFTER, Store};
+use super::{STALE_AFTER, Store, VISIBLE_WITHIN};
 use crate::unit::Key;
 
 /// Where a unit stands.
@@ -98,10 +98,13 @@ impl UnitState {
     }
 }
 
-/// Since when claims are unchanged, as one process has seen them by its own clock.
+/// What one process has seen of claims, by its own clock.
 #[derive(Clone, Debug, Default)]
 pub struct Seen {
+    /// Number and renewals of the newest claim of a unit, and since when they are unchanged.
     claims: HashMap<Key, (u32, Option<u64>, Duration)>,
+    /// Number of the newest attempt that another process is known to have begun at a unit, and when that was seen.
+    others: HashMap<Key, (u32, Duration)>,
 }
 
 impl Seen {
@@ -114,6 +117,18 @@ impl Seen {
                 Duration::ZERO
             }
         }
+    }
+
+    /// Remembers that another process has begun attempt `number` of a unit.
+    pub(super) fn note_other(&mut self, key: &Key, number: u32, now: Duration) {
+        self.others.insert(key.clone(), (number, now));
+    }
+
+    /// Whether another process has begun an attempt of a unit after attempt `number`, which may not be visible yet; none if no other process is
+    /// known to have begun the unit.
+    pub(super) fn is_begun_elsewhere(&self, key: &Key, number: u32, now: Duration) -> Option<bool> {
+        let (newest, since) = self.others.get(key)?;
+        Some(*newest > number && now.saturating_sub(*since) <= VISIBLE_WITHIN)
     }
 }
 

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use petzval_base::random::{Stage, Stream};
+use petzval_jobs::ErrorReport;
 use petzval_units::store::{Attempt, Begun, Clock, FileLayer, Holder, STALE_AFTER, Seen, Store, UnitState};
 use petzval_units::unit::Prepared;
 use serde_json::json;
@@ -173,4 +174,78 @@ fn a_claim_is_stale_by_the_clock_of_the_reader_and_a_living_owner_does_no_harm()
     clock.wait(Duration::from_secs(6));
     let UnitState::Done(result) = state(&mut one) else { panic!() };
     assert_eq!((result.attempt, &result.response["sum"]), (2, &json!((0..PARTS).fold(0, with_part))));
+}
+
+/// Begins a unit that has failed or is damaged again.
+fn again(machine: &mut Machine, unit: &Prepared) -> Begun {
+    machine.store.begin(unit, &machine.holder, true, &mut machine.seen).unwrap()
+}
+
+/// A begun attempt.
+fn mine(begun: Begun) -> Box<Attempt> {
+    let Begun::Mine(attempt) = begun else { panic!("this machine may not run the unit") };
+    attempt
+}
+
+/// The error of a unit that fails.
+fn error() -> ErrorReport {
+    ErrorReport {
+        kind: "failed".to_owned(),
+        message: "it failed".to_owned(),
+        place: None,
+        hint: String::new(),
+        stopped: None,
+    }
+}
+
+/// How long it takes until every change is visible.
+const VISIBLE: Duration = Duration::from_secs(6);
+
+#[test]
+fn a_failed_unit_that_two_machines_run_again_at_once_is_run_by_one() {
+    let (server, clock) = (Arc::new(Server::default()), Arc::new(Simulated::default()));
+    let unit = prepared(&trivial("unit", 1.0));
+    let (mut one, mut two) = (machine(0, &server, &clock), machine(1, &server, &clock));
+    mine(again(&mut one, &unit)).fail(error()).unwrap();
+    clock.wait(VISIBLE);
+    let second = mine(again(&mut one, &unit));
+    assert_eq!(second.number(), 2);
+    // The claim decides, at once and while it is not visible yet.
+    assert!(matches!(again(&mut two, &unit), Begun::Elsewhere(None)));
+    clock.wait(VISIBLE / 3);
+    assert!(matches!(again(&mut two, &unit), Begun::Elsewhere(None)));
+    clock.wait(VISIBLE);
+    assert!(matches!(again(&mut two, &unit), Begun::Elsewhere(Some(_))));
+    // Its failure is that of both.
+    second.fail(error()).unwrap();
+    clock.wait(VISIBLE);
+    let Begun::Failed(failure) = again(&mut two, &unit) else { panic!("the unit is run a third time") };
+    assert_eq!(failure.attempt, 2);
+    // A later command runs it once more, and every machine has that result.
+    let third = mine(again(&mut machine(2, &server, &clock), &unit));
+    assert_eq!(third.finish(json!({"sum": 7})).unwrap().attempt, 3);
+    clock.wait(VISIBLE);
+    assert!(matches!(again(&mut two, &unit), Begun::Done(result) if result.attempt == 3));
+}
+
+#[test]
+fn a_damaged_unit_that_two_machines_run_again_at_once_is_set_aside_once() {
+    let (server, clock) = (Arc::new(Server::default()), Arc::new(Simulated::default()));
+    let unit = prepared(&trivial("unit", 1.0));
+    let (mut one, mut two) = (machine(0, &server, &clock), machine(1, &server, &clock));
+    let result = one.store.folder(&unit.key).join("result.json");
+    one.layer.replace(&result, b"{").unwrap();
+    clock.wait(VISIBLE);
+    let attempt = mine(again(&mut one, &unit));
+    // The second machine still sees the damaged folder: what it would set aside is the new one.
+    assert!(matches!(again(&mut two, &unit), Begun::Elsewhere(None)));
+    clock.wait(VISIBLE / 3);
+    assert!(matches!(again(&mut two, &unit), Begun::Elsewhere(None)));
+    clock.wait(VISIBLE);
+    assert!(matches!(again(&mut two, &unit), Begun::Elsewhere(Some(_))));
+    assert_eq!(attempt.finish(json!({"sum": 7})).unwrap().attempt, 1);
+    clock.wait(VISIBLE);
+    assert!(matches!(again(&mut two, &unit), Begun::Done(result) if result.response["sum"] == 7));
+    let aside = two.store.root().join(format!(".damaged-{}-1/result.json", unit.key.as_str()));
+    assert_eq!(two.layer.read(&aside).unwrap(), b"{");
 }

@@ -39,8 +39,8 @@ pub struct Server {
     files: Mutex<BTreeMap<PathBuf, Vec<Version>>>,
 }
 
-/// The view of one machine on a server: its own changes at once, those of others 5 s later. Only the exclusive making of a file is decided by
-/// the server.
+/// The view of one machine on a server: its own changes at once, those of others 5 s later. Only the exclusive making of a file, and whether a
+/// folder may have a new name, are decided by the server.
 pub struct Late {
     pub server: Arc<Server>,
     pub clock: Arc<Simulated>,
@@ -124,6 +124,9 @@ impl FileLayer for Late {
     }
 
     fn rename_folder(&self, from: &Path, to: &Path) -> io::Result<()> {
+        if !self.below(to).is_empty() {
+            return Err(ErrorKind::DirectoryNotEmpty.into());
+        }
         self.copy_folder(from, to)?;
         self.remove_folder(from)
     }
