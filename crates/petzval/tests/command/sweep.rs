@@ -143,7 +143,7 @@ fn what_is_wrong_is_refused_with_its_place_and_nothing_is_written() {
         ),
         (
             "job = \"lens-trace\"\n[request]\nlens = \"cooke-triplet-nominal\"\nwavelength = 0.5\n[grid]\nfield = [1, 2]\n",
-            &["s.toml:2:", "`pupil`: the key is missing"],
+            &["s.toml:2:1: `pupil`: the key is missing"],
         ),
         (
             "job = \"lens-trace\"\n[grid]\nlens = [\"cooke-triplet-nominal\"]\nfield = [1, 2]\n",
