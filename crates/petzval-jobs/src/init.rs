@@ -67,10 +67,8 @@ pub struct Response {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    out_in: Some(""),
-    ..AsUnit::placed(|request, folder| request.out = folder.to_owned())
-};
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit { out_in: Some(""), ..AsUnit::placed(|request, folder| request.out = folder.to_owned()) };
 
 /// Writes the files. With a lens of one's own the experiment is fitted to it: its title, focus, sensor, fields, PSFs, requirements and, if the file
 /// names none, variables follow from the lens.

@@ -158,10 +158,8 @@ pub fn bank(request: &Request, context: &Context) -> Result<Bank> {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    out_in: Some(""),
-    ..AsUnit::placed(|request, folder| request.out = folder.to_owned())
-};
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit { out_in: Some(""), ..AsUnit::placed(|request, folder| request.out = folder.to_owned()) };
 
 /// Computes the PSFs, and keeps them as files.
 pub fn run(request: &Request, context: &Context) -> Result<Response> {

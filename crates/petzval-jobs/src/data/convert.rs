@@ -49,10 +49,8 @@ pub struct Response {
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    out_in: Some(""),
-    ..AsUnit::placed(|request, folder| request.out = folder.to_owned())
-};
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit { out_in: Some(""), ..AsUnit::placed(|request, folder| request.out = folder.to_owned()) };
 
 /// Converts a data set. The annotations are written last: a folder that has them is complete.
 pub fn run(request: &Request, context: &Context) -> Result<Response> {

@@ -152,10 +152,8 @@ fn values(request: &Request, named: &NamedIsp, shots: &Shots<'_>, context: &Cont
 }
 
 /// As a unit of work.
-pub(crate) const UNIT: AsUnit<Request> = AsUnit {
-    out_in: Some(""),
-    ..AsUnit::placed(|request, folder| request.out = folder.to_owned())
-};
+pub(crate) const UNIT: AsUnit<Request> =
+    AsUnit { out_in: Some(""), ..AsUnit::placed(|request, folder| request.out = folder.to_owned()) };
 
 /// Develops every frame, and keeps the pictures. All inputs are read before the first picture is written.
 pub fn run(request: &Request, context: &Context) -> Result<Response> {
