@@ -5,7 +5,7 @@ use std::fmt;
 use serde::de::{Deserialize, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Number, Value};
 
-/// Reads a field. Fails with the key that a table has twice.
+/// Reads a field. Fails with the key that a table has twice, and on a number that is not finite.
 pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Value, D::Error> {
     Distinct::deserialize(deserializer).map(|Distinct(value)| value)
 }
@@ -53,7 +53,9 @@ impl<'de> Visitor<'de> for DistinctVisitor {
     }
 
     fn visit_f64<E: Error>(self, number: f64) -> Result<Value, E> {
-        Ok(Number::from_f64(number).map_or(Value::Null, Value::Number))
+        // As null it would count as left out.
+        let finite = Number::from_f64(number).map(Value::Number);
+        finite.ok_or_else(|| E::custom(format!("{number} is not a finite number")))
     }
 
     fn visit_str<E: Error>(self, text: &str) -> Result<Value, E> {
@@ -101,6 +103,10 @@ mod tests {
         ] {
             let error = serde_json::from_str::<Distinct>(text).err().unwrap().to_string();
             assert!(error.starts_with(key) && error.contains("line 1 column"), "{error}");
+        }
+        for text in ["a = nan", "a = [1.0, -inf]"] {
+            let error = toml::from_str::<Distinct>(text).err().unwrap().to_string();
+            assert!(error.contains("is not a finite number"), "{error}");
         }
     }
 }
