@@ -50,8 +50,7 @@ pub use glass_file::{GlassFile, GlassWarning, Refused};
 pub use glass_toml::{is_meant_as_catalog, parse_catalog, write_catalog};
 pub use label_image::{LabelImage, index_png_bytes, load_label_image};
 pub use lens_toml::{
-    Expect, Expected, ExpectedSpots, LensFile, SOLVE_RECORD, lens_schema, parse_lens, parse_lens_start,
-    write_lens,
+    Expect, Expected, ExpectedSpots, LensFile, lens_schema, parse_lens, parse_lens_start, write_lens,
 };
 pub use loss::{Effect, Loss};
 pub use npy_array::FloatType;

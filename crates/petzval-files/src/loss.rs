@@ -17,6 +17,8 @@ pub enum Effect {
     Assumed,
     /// The lens represents the record approximately.
     Approximated,
+    /// The lens of the file does not fulfil a solve of the file; its numbers are those of the file.
+    Unsolved,
     /// The record is not understood.
     NotUnderstood,
 }
@@ -28,6 +30,7 @@ impl Effect {
             Self::NoRay => "no-ray",
             Self::Assumed => "assumed",
             Self::Approximated => "approximated",
+            Self::Unsolved => "unsolved",
             Self::NotUnderstood => "not-understood",
         }
     }

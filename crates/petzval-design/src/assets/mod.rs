@@ -11,7 +11,7 @@ use petzval_base::{Cancel, FileError};
 use petzval_camera::isp::Isp;
 use petzval_camera::sensor::SensorModel;
 use petzval_files::{
-    Import, LensFile, SOLVE_RECORD, decode, parse_lens_start, parse_optiland_start, parse_seq_start,
+    Effect, Import, LensFile, decode, parse_lens_start, parse_optiland_start, parse_seq_start,
     parse_zmx_start,
 };
 use petzval_learn::guest::{GuestError, Host};
@@ -259,7 +259,7 @@ impl Assets {
         if let Some(warn) = &self.warnings {
             // Who hands a lens over has changed its numbers, and knows that they no longer fulfil its solve.
             let is_changed = self.text_in_no_file(name).is_some();
-            let reported = losses.iter().filter(|loss| !(is_changed && loss.record == SOLVE_RECORD));
+            let reported = losses.iter().filter(|loss| !(is_changed && loss.effect == Effect::Unsolved));
             reported.for_each(|loss| warn(&loss.in_file(Path::new(name))));
             for warning in glass_warnings(&file.lens, self.catalog()?.as_ref()) {
                 warn(&format!("{name}: {warning}"));
@@ -327,4 +327,35 @@ fn unreadable(path: &Path, error: &std::io::Error) -> DesignError {
         hint: Some("give a file that exists and is text".to_owned()),
     };
     DesignError::input(path)(error)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Mutex;
+
+    use super::*;
+
+    /// A singlet of 101 mm whose solve makes it 50 mm: its file is at fault, and a caller who changed the lens knows.
+    #[test]
+    fn an_unmet_solve_is_reported_of_files_alone() {
+        let text = "name = \"singlet\"\nunits = \"mm\"\n[aperture]\nentrance_pupil_diameter_mm = 10.0\n[object]\ndistance_mm = inf\n\
+                    [wavelengths]\num = [0.5876]\nreference_um = 0.5876\n[fields]\nangle_deg = [0.0, 14.0]\n\
+                    [glass.crown]\nnd = 1.5\nvd = 60.0\n\
+                    [[surface]]\nstop = true\nradius_mm = 100.0\nthickness_mm = 5.0\nglass = \"crown\"\nsemi_diameter_mm = 6.0\n\
+                    [[surface]]\nradius_mm = -100.0\nthickness_mm = 99.0\nsemi_diameter_mm = 7.0\n\
+                    [solve]\nefl = { surface = 2, efl_mm = 50.0 }\n";
+        let said = Arc::new(Mutex::new(Vec::new()));
+        let lines = Arc::clone(&said);
+        let sink: WarningSink = Arc::new(move |line: &str| lines.lock().unwrap().push(line.to_owned()));
+        let files = vec![("lenses/mine.toml".to_owned(), Cow::Borrowed(text.as_bytes()))];
+        let of_file = Assets::new(files).reporting_warnings(sink);
+        let of_caller = of_file.clone().with_text("mine".to_owned(), text.to_owned());
+        let unsolved = |assets: &Assets| {
+            said.lock().unwrap().clear();
+            assets.lens("mine").unwrap();
+            let said = said.lock().unwrap();
+            said.iter().filter(|line| line.contains("its solve makes it 50 mm")).count()
+        };
+        assert_eq!([unsolved(&of_file), unsolved(&of_caller)], [1, 0]);
+    }
 }

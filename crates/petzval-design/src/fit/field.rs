@@ -64,6 +64,12 @@ impl Reach {
         lens.with_image_distance(self.lens.image_distance_mm())
     }
 
+    /// The same fields in the image plane of a lens.
+    pub fn in_plane_of(self, lens: Lens) -> Self {
+        let circle_mm = lit_mm(&lens, self.field_deg.to_radians()).unwrap_or(self.circle_mm);
+        Self { lens, circle_mm, ..self }
+    }
+
     /// Focal length, f-number and image circle.
     pub fn in_words(&self, lens: &Lens) -> String {
         let order = first_order(&lens.at_wavelength(lens.reference_um));
@@ -99,9 +105,9 @@ pub(super) struct Corner {
     pub warnings: Vec<String>,
 }
 
-/// The lens of a file with the field of a sensor's corner. If the corner lies beyond the file's fields, surfaces `open` grow for its beams. `None` if no
-/// light gets there.
-pub(super) fn at_corner(reach: &Reach, lens: &Lens, open: &[usize], corner_mm: f64) -> Option<Corner> {
+/// The lens of a file with the field of a sensor's corner, in the image plane of `reach`. If the corner lies beyond the file's fields, open surfaces grow
+/// for its beams. `None` if no light gets there.
+pub(super) fn at_corner(reach: &Reach, lens: &Lens, corner_mm: f64) -> Option<Corner> {
     let field_rad = field_angle(&reach.lens, corner_mm).ok()?;
     let field_deg = field_rad.to_degrees().abs();
     let (mut notes, mut warnings) = (Vec::new(), Vec::new());
@@ -112,8 +118,9 @@ pub(super) fn at_corner(reach: &Reach, lens: &Lens, open: &[usize], corner_mm: f
         let inner: Vec<f64> =
             if reach.stated_deg == 0.0 { vec![0.0, 0.7 * field_deg] } else { inner.collect() };
         found.fields_deg = inner.into_iter().chain([field_deg]).collect();
+        let open: Vec<usize> = (0..lens.surfaces.len()).filter(|i| lens.surfaces[*i].is_open).collect();
         if !open.is_empty() {
-            let grown = with_open_surfaces(&found, open);
+            let grown = with_open_surfaces(&found, &open);
             match grown {
                 Ok((lens, losses, None)) => {
                     found = lens;

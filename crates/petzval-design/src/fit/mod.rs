@@ -73,7 +73,7 @@ const APART: f64 = 0.01;
 
 /// Fits an experiment to a lens. Refuses a lens that makes no picture on a sensor.
 pub fn fit(of: FitOf, assets: &Assets) -> Result<Fitted> {
-    let FitOf { mut experiment, lens: Import { file: mut own, open, .. }, lens_name, sensor, pictures } = of;
+    let FitOf { mut experiment, lens: Import { file: mut own, .. }, lens_name, sensor, pictures } = of;
     let refuse = |message: &str, hint: &str| DesignError::misfit(Path::new(lens_name), &message, hint);
     check_forms_an_image(&own.lens).map_err(|(message, hint)| refuse(message, hint))?;
     let (mut notes, mut warnings) = (Vec::new(), Vec::new());
@@ -103,34 +103,43 @@ pub fn fit(of: FitOf, assets: &Assets) -> Result<Fitted> {
     })?;
     warnings.extend(reach.warning());
     let picked = sensor::choose(&experiment.sensor, sensor, &reach, assets)?;
-    notes.push(reach.in_words(&own.lens));
-    notes.push(picked.in_words(&reach, lens_name));
 
     // Surfaces without an edge of their own let the beams of the sensor's corner through.
     let corner_mm = sensor::corner_mm(&picked.model);
-    let corner = field::at_corner(&reach, &own.lens, &open, corner_mm).ok_or_else(|| {
-        let message = format!(
-            "the lens has no light {corner_mm:.2} mm from the axis, where the corner of `{}` lies; its image ends at {:.2} mm",
-            picked.name, reach.circle_mm
-        );
-        let hint = match (reach.circle_mm > 0.01 * corner_mm, sensor.is_some()) {
-            (false, _) => "no light of a field off the axis reaches its image: give the file a field that does",
-            (true, true) => "name a smaller sensor, or none: its array then fits the lens",
-            (true, false) => "name a smaller sensor: `petzval init --lens LENS --sensor NAME`",
-        };
-        DesignError::misfit(Path::new(lens_name), &message, hint)
-    })?;
-    own.lens = corner.lens;
-    warnings.extend(corner.warnings);
-    notes.extend(corner.notes);
+    let in_corner = |reach: &field::Reach, lens: &Lens| {
+        field::at_corner(reach, lens, corner_mm).ok_or_else(|| {
+            let message = format!(
+                "the lens has no light {corner_mm:.2} mm from the axis, where the corner of `{}` lies; its image ends at {:.2} mm",
+                picked.name, reach.circle_mm
+            );
+            let hint = match (reach.circle_mm > 0.01 * corner_mm, sensor.is_some()) {
+                (false, _) => "no light of a field off the axis reaches its image: give the file a field that does",
+                (true, true) => "name a smaller sensor, or none: its array then fits the lens",
+                (true, false) => "name a smaller sensor: `petzval init --lens LENS --sensor NAME`",
+            };
+            DesignError::misfit(Path::new(lens_name), &message, hint)
+        })
+    };
+    let roughly = in_corner(&reach, &own.lens)?.lens;
 
-    // Focus for the sensor, and let the image plane move as far as a lens of this size needs.
-    let fields = field::of_equal_area(&in_colours(&reach.focused(&own.lens)), corner_mm);
-    let focused = focus::best(&in_colours(&own.lens), &reach.lens, &fields).ok_or_else(|| {
+    // Focus for the sensor.
+    let fields = field::of_equal_area(&in_colours(&reach.focused(&roughly)), corner_mm);
+    let focused = focus::best(&in_colours(&roughly), &reach.lens, &fields).ok_or_else(|| {
         refuse("no ray of some field of the sensor reaches the image", "name a smaller sensor")
     })?;
-    notes.extend(focused.note.clone());
-    own.lens = own.lens.with_image_distance(focused.distance_mm);
+
+    // Image circle and corner's field change with the image plane: state those of the lens that is written.
+    let in_focus = own.lens.with_image_distance(focused.distance_mm);
+    let reach = reach.in_plane_of(in_colours(&in_focus));
+    let corner = in_corner(&reach, &in_focus)?;
+    replace_lens(&mut own, corner.lens);
+    notes.push(reach.in_words(&own.lens));
+    notes.push(picked.in_words(&reach, lens_name));
+    warnings.extend(corner.warnings);
+    notes.extend(corner.notes);
+    notes.extend(focused.note);
+
+    // The image plane may move as far as a lens of this size needs.
     experiment.optics.defocus_mm = focus::range_mm(&own.lens, experiment.optics.defocus_mm);
 
     // A lens that moves keeps what it has: requirements beyond it would be violated from the start.
@@ -166,6 +175,16 @@ pub fn fit(of: FitOf, assets: &Assets) -> Result<Fitted> {
         notes,
         warnings,
     })
+}
+
+/// Puts a lens with another image plane, or with one more field, into its file. What a source publishes holds for the lens as it was.
+fn replace_lens(file: &mut LensFile, lens: Lens) {
+    if file.lens == lens {
+        return;
+    }
+    file.set_fields(lens.fields_deg.clone());
+    file.lens = lens;
+    file.expect = None;
 }
 
 /// Refuses lenses that make no picture on a sensor: message and hint.

@@ -62,8 +62,6 @@ pub(super) const FAR_MM: f64 = 1e10;
 pub struct Import {
     /// The lens. One of another program has no variables, because their variables have no bounds.
     pub file: LensFile,
-    /// Surfaces, from 0, whose clear semi-diameter the file leaves to the beams.
-    pub open: Vec<usize>,
     /// Everything in the file that the lens does not represent.
     pub losses: Vec<Loss>,
     /// Why the lens cannot be built, at the place in the file: glass thinner than nothing, or surfaces that cross. An optimisation may start from
@@ -151,10 +149,8 @@ impl Draft {
         let (lens, flaw) =
             with_semi_diameters(lens, &clears, &mut losses).map_err(|defect| at_fault(&defect, &drafted))?;
         let unbuildable = flaw.map(|defect| at_fault(&defect, &drafted));
-        let is_open = |i: &usize| matches!(clears[*i], Clear::Open(_));
-        let open = (0..clears.len()).filter(is_open).collect();
         let file = LensFile { field_weights, ..LensFile::of(lens) };
-        Ok(Import { file, open, losses: losses.into_list(), unbuildable })
+        Ok(Import { file, losses: losses.into_list(), unbuildable })
     }
 }
 

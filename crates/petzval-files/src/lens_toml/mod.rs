@@ -55,9 +55,10 @@ mod text;
 mod write;
 
 pub use parameter::parameter_name;
-pub use read::{SOLVE_RECORD, parse_lens, parse_lens_start};
+pub use read::{parse_lens, parse_lens_start};
 pub use write::{special_lines, write_lens};
 
+use crate::field_weights::{WeightFault, uneven_weights};
 use petzval_optics::design_space::{EflSolve, MagnificationSolve, Pickup, Solves, Variable};
 use petzval_optics::lens::Lens;
 
@@ -106,6 +107,20 @@ impl LensFile {
             magnification: self.magnification_solve,
             ..Solves::default()
         }
+    }
+
+    /// Sets the fields, degrees, ascending. Those that the lens had keep their weights, others have 1.
+    pub fn set_fields(&mut self, fields_deg: Vec<f64>) {
+        if !self.field_weights.is_empty() {
+            let before = || self.lens.fields_deg.iter().zip(&self.field_weights);
+            let of =
+                |field: &f64| before().find(|(known, _)| *known == field).map_or(1.0, |(_, weight)| *weight);
+            let weights: Vec<f64> = fields_deg.iter().map(of).collect();
+            // Where the fields that counted are gone, all count.
+            self.field_weights =
+                if WeightFault::of(&weights).is_some() { Vec::new() } else { uneven_weights(weights) };
+        }
+        self.lens.fields_deg = fields_deg;
     }
 
     /// Takes over these variables and the radius that holds the focal length or the magnification.

@@ -28,9 +28,6 @@ const DEFAULT_REFERENCE_UM: f64 = 0.5876;
 /// Two numbers are the same up to this share: files have rounded ones.
 const SAME_NUMBER: f64 = 1e-6;
 
-/// The record of a loss that says that the lens does not fulfil a solve of its file.
-pub const SOLVE_RECORD: &str = "[solve]";
-
 /// A lens has what its solve makes of it up to this share: solves are often written with four digits.
 const SOLVED: f64 = 1e-4;
 
@@ -115,7 +112,7 @@ pub fn parse_lens_start(text: &str, catalog: &Catalog) -> Result<Import, FileErr
     };
     losses.extend(reader.contradicting_pickups(&file, &lens_file));
     losses.extend(reader.contradicting_solves(&file, &lens_file.lens));
-    Ok(Import { file: lens_file, open, losses, unbuildable })
+    Ok(Import { file: lens_file, losses, unbuildable })
 }
 
 /// The text that is being read, for the places of errors.
@@ -463,7 +460,7 @@ impl Reader<'_> {
                  else has the number of the file",
                 surface + 1
             );
-            Some(self.contradiction("[[pickup]]", text.surface.span(), message))
+            Some(self.contradiction("[[pickup]]", Effect::Approximated, text.surface.span(), message))
         };
         file.pickup.iter().zip(&read.pickups).filter_map(contradicting).collect()
     }
@@ -481,7 +478,7 @@ impl Reader<'_> {
                 "the {what} is {own:.5}{unit} in the file, and its solve makes it {wanted}{unit}: optimisations and designs begin with the solve's, everything \
                  else has the lens of the file"
             );
-            Some(self.contradiction(SOLVE_RECORD, solved.span(), message))
+            Some(self.contradiction("[solve]", Effect::Unsolved, solved.span(), message))
         };
         let efl = solve.efl.as_ref().and_then(|text| {
             let own_mm = first_order(&lens.at_wavelength(lens.reference_um)).efl_mm;
@@ -499,9 +496,9 @@ impl Reader<'_> {
     }
 
     /// The loss of a pickup or a solve that contradicts the lens of its file.
-    fn contradiction(&self, record: &str, span: Range<usize>, message: String) -> Loss {
+    fn contradiction(&self, record: &str, effect: Effect, span: Range<usize>, message: String) -> Loss {
         let line = self.error("", span, "").line;
-        Loss { line, record: record.to_owned(), effect: Effect::Approximated, message, more: 0 }
+        Loss { line, record: record.to_owned(), effect, message, more: 0 }
     }
 
     fn length_solve(

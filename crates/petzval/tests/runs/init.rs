@@ -73,7 +73,10 @@ fn a_lens_for_a_near_object_keeps_its_magnification() {
 fn a_lens_without_variables_gets_the_usual_ones_and_keeps_its_focal_length() {
     let folder = tempfile::tempdir().unwrap();
     let lens = "cooke-triplet-pedestrian-vehicle";
-    let said = run_ok(folder.path(), &["init", "mine", "--lens", lens]).stdout;
+    let made = run_ok(folder.path(), &["init", "mine", "--lens", lens]);
+    // In the plane of the file, which stays; where the lens is first focused it would be 4.65 mm.
+    assert!(made.says("an image circle of 4.64 mm radius"), "{}", made.stderr);
+    let said = made.stdout;
     assert!(said.contains("with variables that the file did not name"), "{said}");
     let text = read(&folder.path().join("mine/lens.toml"));
     // Five of the six radii vary, the last holds the focal length; the stop is flat and stays.
@@ -110,6 +113,35 @@ fn a_lens_without_variables_gets_the_usual_ones_and_keeps_its_focal_length() {
         assert_eq!(warns, name == "bare", "{}", done.stderr);
         assert!((efl(name) / 18.533 - 1.0).abs() < 1e-4, "{}", efl(name));
     }
+}
+
+/// The corner of the sensor lies beyond the fields of the file: the field that is written for it is that of the lens in its new focus. Weights and
+/// published spots of the file do not fit that field.
+#[test]
+fn the_field_of_the_sensors_corner_is_that_of_the_lens_in_focus() {
+    let folder = tempfile::tempdir().unwrap();
+    let nominal = read(&data("lenses/cooke-triplet-nominal.toml"));
+    let stated = "angle_deg = [0.0, 5.0, 10.0, 15.0]";
+    assert!(nominal.contains(stated));
+    let narrow = nominal.split("[[variable]]").next().unwrap();
+    let narrow = narrow.replace(stated, "angle_deg = [0.0, 5.0]\nweight = [1.0, 2.0]")
+        + "[expect]\nrms_spot_um = { values = [4.0, 9.0], relative_tolerance = 0.5 }\n";
+    std::fs::write(folder.path().join("narrow.toml"), narrow).unwrap();
+    let init = ["init", "mine", "--lens", "narrow.toml", "--sensor", "imx249-fitted"];
+    let made = run_ok(folder.path(), &init);
+    assert!(made.says("focus: the image plane moves by"), "{}", made.stderr);
+
+    let lens: toml::Table = read(&folder.path().join("mine/lens.toml")).parse().unwrap();
+    let fields = &lens["fields"];
+    assert_eq!(fields["weight"], toml::Value::from(vec![1.0, 2.0, 1.0]));
+    assert!(!lens.contains_key("expect"));
+    let written_deg = fields["angle_deg"][2].as_float().unwrap();
+    let look = run_ok(folder.path(), &["design", "mine/experiment.toml", "--check", "--json"]).json();
+    let seen = look["lenses"][0]["fields"].as_array().unwrap().last().unwrap();
+    let corner_deg = seen["field_deg"].as_f64().unwrap();
+    assert!((written_deg - corner_deg).abs() < 1e-5, "{written_deg} {corner_deg}");
+    let circle_mm = look["lenses"][0]["image_circle_mm"].as_f64().unwrap();
+    assert!((circle_mm / look["corner_mm"].as_f64().unwrap() - 1.0).abs() < 1e-6, "{look}");
 }
 
 /// Windows of a lens of one's own fit the photographs that the same command names, by the option or by the key, and not the built-in ones.

@@ -296,7 +296,7 @@ impl Editor<'_> {
             Edit::Insert { before } => insert(*before, file)?,
             Edit::Delete { surface } => delete(index(*surface)?, file)?,
             Edit::Aperture { entrance_pupil_mm } => file.lens.entrance_pupil_mm = *entrance_pupil_mm,
-            Edit::Fields { fields_deg } => set_fields(ascending("fields_deg", fields_deg)?, file),
+            Edit::Fields { fields_deg } => file.set_fields(ascending("fields_deg", fields_deg)?),
             Edit::Wavelengths { wavelengths_um, reference_um } => {
                 file.lens.wavelengths_um = ascending("wavelengths_um", wavelengths_um)?;
                 file.lens.reference_um = *reference_um;
@@ -534,19 +534,6 @@ fn finite<const N: usize>(all: [(&'static str, f64); N]) -> Result<[f64; N]> {
         }
     }
     Ok(all.map(|(_, value)| value))
-}
-
-/// Sets the fields. Those that the lens had keep their weights, others have 1.
-fn set_fields(fields_deg: Vec<f64>, file: &mut LensFile) {
-    if !file.field_weights.is_empty() {
-        let before = || file.lens.fields_deg.iter().zip(&file.field_weights);
-        let of = |field: &f64| before().find(|(known, _)| *known == field).map_or(1.0, |(_, weight)| *weight);
-        let weights: Vec<f64> = fields_deg.iter().map(of).collect();
-        // Where the fields that counted are gone, all count.
-        file.field_weights =
-            if WeightFault::of(&weights).is_some() { Vec::new() } else { uneven_weights(weights) };
-    }
-    file.lens.fields_deg = fields_deg;
 }
 
 /// Sets the weights of the fields.
