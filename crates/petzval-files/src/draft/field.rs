@@ -31,6 +31,8 @@ pub(crate) struct Fields {
     /// x and y of each field.
     pub points: Vec<[f64; 2]>,
     pub record: Record,
+    /// The record of the x of the fields.
+    pub x_record: Record,
     /// The record that calls the object telecentric: the chief rays in front of the lens are parallel to the axis.
     pub telecentric: Option<Record>,
     /// The weights that the file gives the fields, and where; a field without one has 1.
@@ -118,9 +120,10 @@ pub(super) fn angles_deg(
                 "the field {} lies off the y-z plane, and the lens is not rotationally symmetric",
                 point(x, y)
             );
-            return Err(record
+            return Err(fields
+                .x_record
                 .error(message)
-                .hint("only fields in the y-z plane are traced; remove this one"));
+                .hint("only fields in the y-z plane are traced: give every field an x of 0"));
         }
         turned |= x != 0.0;
         mirrored |= x == 0.0 && y < 0.0 && round;

@@ -171,7 +171,7 @@ fn at_fault(defect: &LensDefect, drafted: &[Drafted]) -> FileError {
 }
 
 /// The wavelengths of the lens, um, ascending, and the reference wavelength. Wavelengths of weight 0 are left out, except as
-/// the reference.
+/// the reference; if all have it, all stay.
 fn wavelengths(
     (list, record): &Wavelengths,
     reference: usize,
@@ -186,21 +186,20 @@ fn wavelengths(
         let message = format!("there is no wavelength {}: the file has {}", reference + 1, list.len());
         return Err(record.error(message));
     };
-    let judged = |(_, weight): &&(f64, f64)| *weight != 0.0;
-    let mut all: Vec<f64> = if list.iter().any(|w| w.1 != 0.0) {
-        list.iter().filter(judged).map(|w| w.0).collect()
-    } else {
-        list.iter().map(|w| w.0).collect()
-    };
+    let mut judged: Vec<(f64, f64)> = list.iter().copied().filter(|(_, weight)| *weight != 0.0).collect();
+    if judged.is_empty() {
+        record.lose(losses, Effect::NoRay, "all wavelengths have the weight 0: all count the same");
+        judged.clone_from(list);
+    } else if list.iter().enumerate().any(|(i, (_, weight))| *weight == 0.0 && i != reference) {
+        record.lose(losses, Effect::NoRay, "wavelengths of weight 0 are not kept");
+    }
+    let mut all: Vec<f64> = judged.iter().map(|(um, _)| *um).collect();
     all.sort_by(f64::total_cmp);
     all.dedup();
-    let weights: Vec<f64> = list.iter().filter(judged).map(|w| w.1).collect();
-    if weights.windows(2).any(|w| w[0] != w[1]) {
-        record.lose(losses, Effect::NoRay, "weights of wavelengths are not kept");
-    }
-    let idle = |(i, w): &(usize, &(f64, f64))| w.1 == 0.0 && *i != reference;
-    if list.iter().any(|w| w.1 != 0.0) && list.iter().enumerate().any(|w| idle(&w)) {
-        record.lose(losses, Effect::NoRay, "wavelengths of weight 0 are not kept");
+    // A wavelength that the file lists twice has twice the weight there.
+    let is_even = all.len() == judged.len() && judged.windows(2).all(|pair| pair[0].1 == pair[1].1);
+    if all.len() > 1 && !is_even {
+        record.lose(losses, Effect::NoRay, "weights of wavelengths are not kept: all count the same");
     }
     Ok((all, *reference_um))
 }

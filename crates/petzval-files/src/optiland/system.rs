@@ -81,7 +81,7 @@ pub(super) fn fields(root: &Object<'_>, losses: &mut Losses) -> Result<Fields, F
     }
     let record = group.record("fields");
     let weights = Some((weights, Record::new(group.line("fields"), "weight")));
-    Ok(Fields { kind, points, record, telecentric, weights })
+    Ok(Fields { kind, points, x_record: record.clone(), record, telecentric, weights })
 }
 
 /// The record by which an object of the file calls the lens telecentric.

@@ -21,6 +21,7 @@ pub(super) struct System {
     reference: Option<(usize, Record)>,
     field_kind: Option<(FieldKind, Record)>,
     x: Vec<f64>,
+    x_at: Record,
     y: Vec<f64>,
     field_weights: Option<(Vec<f64>, Record)>,
     telecentric: Option<Record>,
@@ -107,8 +108,11 @@ impl System {
             return Err(command.error(message).hint("keep one of the two"));
         }
         let values = command.numbers(MOST_VALUES)?;
-        let list = if command.name.starts_with('X') { &mut self.x } else { &mut self.y };
-        *list = values;
+        if command.name.starts_with('X') {
+            (self.x, self.x_at) = (values, command.record.clone());
+        } else {
+            self.y = values;
+        }
         if self.field_kind.is_none() || command.name.starts_with('Y') {
             self.field_kind = Some((kind, command.record.clone()));
         }
@@ -126,7 +130,8 @@ impl System {
         let at = |list: &[f64], i: usize| list.get(i).map_or(0.0, |v| v * scale);
         let count = self.x.len().max(self.y.len()).max(1);
         let points = (0..count).map(|i| [at(&self.x, i), at(&self.y, i)]).collect();
-        Fields { kind, points, record, telecentric, weights: self.field_weights.clone() }
+        let (x_record, weights) = (self.x_at.clone(), self.field_weights.clone());
+        Fields { kind, points, record, x_record, telecentric, weights }
     }
 
     /// Wavelengths with their weights, and the index of the reference.

@@ -23,6 +23,7 @@ pub(super) struct Header {
     field_count: Option<usize>,
     wavelength_count: Option<usize>,
     x: Vec<f64>,
+    x_at: Record,
     y: Vec<f64>,
     field_weights: Option<(Vec<f64>, Record)>,
     vignetting: Vec<(Vec<f64>, Record)>,
@@ -30,6 +31,8 @@ pub(super) struct Header {
     telecentric: Option<Record>,
     /// Wavelength, um, and weight; `None` for a number that the file left out.
     waves: Vec<Option<(f64, f64)>>,
+    /// Weights in a record of their own, which count before those beside the wavelengths.
+    wave_weights: Vec<f64>,
     waves_at: Record,
     /// Records of [`ONCE`] that were read, and their lines.
     said: Vec<(&'static str, u32)>,
@@ -93,7 +96,10 @@ impl Header {
                 }
             }
             "FTYP" => self.read_field_type(line, losses)?,
-            "XFLN" | "XFLD" => self.x = line.numbers(MOST_VALUES)?,
+            "XFLN" | "XFLD" => {
+                self.x = line.numbers(MOST_VALUES)?;
+                self.x_at = line.record();
+            }
             "YFLN" | "YFLD" => {
                 self.y = line.numbers(MOST_VALUES)?;
                 self.fields_at = line.record();
@@ -110,12 +116,7 @@ impl Header {
                     self.set_wave(i + 1, um, 1.0, line)?;
                 }
             }
-            "WWGT" | "WWGN" => {
-                let weights = line.numbers(MOST_VALUES)?;
-                for (wave, weight) in self.waves.iter_mut().flatten().zip(weights) {
-                    wave.1 = weight;
-                }
-            }
+            "WWGT" | "WWGN" => self.wave_weights = line.numbers(MOST_VALUES)?,
             "TELE" | "AFOC" if line.number(0)?.unwrap_or(0.0) == 0.0 => {}
             "TELE" => self.telecentric = Some(line.record()),
             "AFOC" => line.lose(losses, Effect::Approximated, AFOCAL_IMAGE_SPACE),
@@ -218,15 +219,24 @@ impl Header {
             kind: self.field_kind,
             points: (0..count).map(|i| [at(&self.x, i), at(&self.y, i)]).collect(),
             record: self.fields_at.clone(),
+            x_record: self.x_at.clone(),
             telecentric: self.telecentric.clone(),
             weights: self.field_weights.clone(),
         }
     }
 
+    /// The wavelengths with the weights that count.
+    fn weighted_waves(&self) -> Vec<Option<(f64, f64)>> {
+        let weighted = |(i, wave): (usize, &Option<(f64, f64)>)| {
+            wave.map(|(um, beside)| (um, self.wave_weights.get(i).copied().unwrap_or(beside)))
+        };
+        self.waves.iter().enumerate().map(weighted).collect()
+    }
+
     /// Number of wavelengths before a run of equal ones at the end, but at least up to the primary wavelength.
-    fn without_filling(&self) -> usize {
-        let all = self.waves.len();
-        let equal = self.waves.iter().rev().take_while(|wave| Some(*wave) == self.waves.last()).count();
+    fn without_filling(&self, waves: &[Option<(f64, f64)>]) -> usize {
+        let all = waves.len();
+        let equal = waves.iter().rev().take_while(|wave| Some(*wave) == waves.last()).count();
         let primary = self.primary.as_ref().map_or(1, |(number, _)| *number);
         if equal < 2 { all } else { (all - equal).max(primary.max(1)).min(all) }
     }
@@ -234,10 +244,11 @@ impl Header {
     /// The wavelengths with their weights. The program fills its table beyond the count with wavelengths without meaning; these
     /// are left out.
     pub fn wavelengths(&self, losses: &mut Losses) -> Result<Wavelengths, FileError> {
-        let all = self.waves.len();
+        let waves = self.weighted_waves();
+        let all = waves.len();
         let count = match self.wavelength_count {
             Some(count) => count.min(all),
-            None => self.without_filling(),
+            None => self.without_filling(&waves),
         };
         if self.wavelength_count.is_none() && count < all {
             let message = format!(
@@ -245,7 +256,7 @@ impl Header {
             );
             self.waves_at.lose(losses, Effect::Assumed, message);
         }
-        let listed: Option<Vec<(f64, f64)>> = self.waves[..count].iter().copied().collect();
+        let listed: Option<Vec<(f64, f64)>> = waves[..count].iter().copied().collect();
         match listed.filter(|list| !list.is_empty()) {
             Some(list) => Ok((list, self.waves_at.clone())),
             None => {

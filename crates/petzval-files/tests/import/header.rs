@@ -93,3 +93,32 @@ fn wavelengths_with_weight_zero_are_left_out() {
     let lens = seq(&changed(SEQ, "WL 587.6", "WL 650 587.6 450\nREF 2\nWTW 1 0 1")).file.lens;
     assert_eq!((&lens.wavelengths_um[..], lens.reference_um), (&[0.45, 0.65][..], 0.5876));
 }
+
+/// Whatever happens to a weight of a wavelength is said, wherever the file has it; lines beyond the count have no meaning.
+#[test]
+fn weights_of_wavelengths_that_are_lost_are_said() {
+    let (left_out, all_zero, uneven) =
+        ("of weight 0 are not kept", "have the weight 0", "weights of wavelengths are not kept");
+    let three =
+        |first: &str| changed(&changed(ZMX, "FTYP 0 0 2 1", "FTYP 0 0 2 3"), "WAVM 1 0.5876 1", first);
+    for (waves, um, said) in [
+        ("WAVM 1 0.65 1\nWAVM 2 0.55 2\nWAVM 3 0.45 1", &[0.45, 0.55, 0.65][..], &[uneven][..]),
+        ("WAVM 1 0.65 1\nWAVM 2 0.55 1\nWAVM 3 0.45 1\nWAVM 4 0.7 9", &[0.45, 0.55, 0.65], &[]),
+        ("WAVM 1 0.65 1\nWAVM 2 0.55 1\nWAVM 3 0.45 0", &[0.55, 0.65], &[left_out]),
+        ("WAVM 1 0.65 1\nWAVM 2 0.55 3\nWAVM 3 0.45 0", &[0.55, 0.65], &[left_out, uneven]),
+        ("WAVM 1 0.65 0\nWAVM 2 0.55 0\nWAVM 3 0.45 0", &[0.45, 0.55, 0.65], &[all_zero]),
+        // Listed twice, it has twice the weight.
+        ("WAVM 1 0.65 1\nWAVM 2 0.55 1\nWAVM 3 0.55 1", &[0.55, 0.65], &[uneven]),
+        // A record of their own may stand in front of the wavelengths.
+        ("WWGN 1 1 0\nWAVN 0.65 0.55 0.45", &[0.55, 0.65], &[left_out]),
+        ("WAVN 0.65 0.55 0.45\nWWGN 1 1 0", &[0.55, 0.65], &[left_out]),
+    ] {
+        let import = zmx(&three(waves));
+        assert_eq!(import.file.lens.wavelengths_um, um, "{waves}");
+        let losses = losses(&import);
+        assert_eq!(losses.len(), said.len(), "{waves}: {losses:?}");
+        for said in said {
+            assert!(losses.iter().any(|loss| loss.contains(said)), "{waves}: {losses:?}");
+        }
+    }
+}

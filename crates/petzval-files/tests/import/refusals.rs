@@ -88,7 +88,18 @@ fn records_that_cannot_be_traced_are_refused_with_their_line() {
         standard,
         "  TYPE BICONICX\n  PARM 1 30\n  CURV 0.02",
     );
-    refused(parse_zmx(&text, &catalog()), &["line 7", "off the y-z plane"]);
+    refused(parse_zmx(&text, &catalog()), &["line 6: `XFLN 1`", "off the y-z plane", "an x of 0"]);
+    // What the hint says is a lens.
+    assert_eq!(zmx(&changed(&text, "XFLN 1\nYFLN 0", "XFLN 0\nYFLN 2")).file.lens.fields_deg, [2.0]);
+    let shifted = changed(&changed(SEQ, "YAN 0 2", "XAN 0 1\nYAN 0 2"), "  STO\n", "  STO\n  XDE 1\n");
+    refused(
+        parse_seq(&shifted, &catalog()),
+        &["line 6: `XAN 0 1`", "the field (1, 2) lies off", "an x of 0"],
+    );
+    assert_eq!(seq(&changed(&shifted, "XAN 0 1", "XAN 0 0")).file.lens.fields_deg, [0.0, 2.0]);
+    // A shift by nothing leaves the lens as it is.
+    let round = seq(&changed(&shifted, "XDE 1", "XDE 0; YDE 0; ADE 0"));
+    assert_eq!(round.file.lens.fields_deg.len(), 2);
     for (from, to, needles) in [
         ("  STO\n", "  STO\n  SPS QCN\n", &["line 10: `SPS QCN`", "not read"][..]),
         ("  STO\n", "  STO\n  J 1e-30\n", &["r^20"]),
