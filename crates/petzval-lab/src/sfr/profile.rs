@@ -232,6 +232,12 @@ impl<'a> Profile<'a> {
         far_px(self.blur_px).min(self.half() as f64 * 2.0 / 3.0)
     }
 
+    /// The pixels within the blur, which alone say where the edge lies: beyond it the slope of the spline is noise.
+    fn blurred(&self) -> impl Iterator<Item = &Point> {
+        let far = self.far();
+        self.points.iter().filter(move |p| p.distance.abs() <= far)
+    }
+
     /// Deviations of all pixels from the profile and the levels beyond it, and their zones.
     fn deviations(&self) -> Vec<Option<(f64, usize)>> {
         let far = self.far();
@@ -255,7 +261,7 @@ impl<'a> Profile<'a> {
         let count = self.path.coefficients.len();
         let (mut g, mut right) = (DMatrix::zeros(count, count), DVector::zeros(count));
         let limit = (4.0 * self.scatter).max(0.0) + 1e-12;
-        for p in &self.points {
+        for p in self.blurred() {
             let Some(slope) = self.spline.slope(p.distance) else { continue };
             let beside = self.path.beside(self.samples[p.sample].at);
             let r = residual(&self.spline, p).clamp(-limit, limit);
@@ -394,7 +400,7 @@ impl<'a> Profile<'a> {
     /// the sum of the squares of these distances.
     fn rows(&self) -> (Vec<(f64, f64)>, f64) {
         let mut sums = vec![[0.0; 2]; self.region.height];
-        for p in &self.points {
+        for p in self.blurred() {
             if let Some(slope) = self.spline.slope(p.distance) {
                 let row = (self.samples[p.sample].at[1] as usize).min(sums.len() - 1);
                 let by_shift = -slope * self.cosine();

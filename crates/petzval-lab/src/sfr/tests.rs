@@ -560,6 +560,21 @@ fn standard_errors_of_small_regions_hold() {
     assert!((0.8..1.35).contains(&rms) && within > 0.88, "rms {rms}, {within} within two errors");
 }
 
+/// Beyond the blur the slope of the spline is noise. With the pixels there the error of the inclination was half of its scatter.
+#[test]
+fn the_error_of_the_inclination_holds_in_a_wide_window() {
+    const SEEDS: u64 = 64;
+    let edge = Edge { height: 32, width: 96, ..Edge::at(10.0, SIGMA) };
+    let light = edge.light();
+    let angle = |seed: u64| edge.measured(&with_noise(&light, 0.03, seed)).unwrap().angle_deg;
+    let all: Vec<Estimate> = (0..SEEDS).map(angle).collect();
+    let rms = |of: &dyn Fn(&Estimate) -> f64| {
+        (all.iter().map(|angle| of(angle).powi(2)).sum::<f64>() / SEEDS as f64).sqrt()
+    };
+    let (said, scatter) = (rms(&|a| a.standard_error), rms(&|a| a.value.abs() - 10.0));
+    assert!((0.62..1.5).contains(&(said / scatter)), "said {said}, scatter {scatter}");
+}
+
 #[test]
 fn a_contrast_of_5_percent_with_noise_is_measured() {
     let edge = Edge { height: 64, width: 64, levels: [0.5, 0.525], ..Edge::at(5.0, SIGMA) };
