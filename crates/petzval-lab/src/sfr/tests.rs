@@ -564,7 +564,7 @@ fn standard_errors_of_small_regions_hold() {
 #[test]
 fn the_error_of_the_inclination_holds_in_a_wide_window() {
     const SEEDS: u64 = 64;
-    let edge = Edge { height: 32, width: 96, ..Edge::at(10.0, SIGMA) };
+    let edge = Edge { height: 32, width: 160, ..Edge::at(10.0, SIGMA) };
     let light = edge.light();
     let angle = |seed: u64| edge.measured(&with_noise(&light, 0.03, seed)).unwrap().angle_deg;
     let all: Vec<Estimate> = (0..SEEDS).map(angle).collect();
