@@ -583,7 +583,7 @@ fn a_run_of_an_earlier_version_lacks_keys_that_are_younger() {
     run_ok(folder.path(), &["evaluate", "run"]);
     // A key that its record has was lost.
     let config = read(&run.join("config.toml"));
-    std::fs::write(run.join("config.toml"), config.replace("iterations = 8\n", "")).unwrap();
+    std::fs::write(run.join("config.toml"), config.replace("iterations = 3\n", "")).unwrap();
     run_fails(folder.path(), &["design", "--resume", "run"], 2, &["spot.iterations", "is missing"]);
 }
 
