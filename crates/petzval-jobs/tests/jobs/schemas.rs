@@ -6,6 +6,7 @@ use petzval_jobs::{Call, Context, Silent, built_in_assets, jobs, row};
 use serde_json::{Value, json};
 
 use crate::schema_check::check;
+use crate::small_sensor;
 
 /// A call of each row with its smallest request; `DIR` stands for an empty folder.
 const CALLS: &str = include_str!("../calls.json");
@@ -93,9 +94,13 @@ fn responses_keep_their_schemas() {
     let folder = tempfile::tempdir().unwrap();
     let context = Context::new(built_in_assets(), Arc::new(Silent));
     let mut seen = 0;
-    for call in calls(&folder.path().display().to_string().replace('\\', "/")) {
+    for mut call in calls(&folder.path().display().to_string().replace('\\', "/")) {
         if !QUICK.contains(&call.job.as_str()) {
             continue;
+        }
+        // The chart has the size of its sensor.
+        if call.job == "isp-chart" {
+            call.request["camera"] = json!({"sensor": small_sensor(folder.path(), 300, 420), "samples": 2});
         }
         let (job, schema) = (call.job.clone(), row(&call.job).unwrap().response_schema());
         let response = call.run(&context).unwrap_or_else(|error| panic!("{job}: {error}"));

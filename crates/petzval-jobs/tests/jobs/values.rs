@@ -13,6 +13,8 @@ use petzval_jobs::raw::mtf;
 use petzval_jobs::sensor::capture;
 use petzval_jobs::{Context, JobError, Silent, built_in_assets, psf, psf_calibrate, psf_capture, simulate};
 
+use crate::small_sensor;
+
 fn context() -> Context {
     Context::new(built_in_assets(), Arc::new(Silent))
 }
@@ -49,6 +51,7 @@ fn frames_and_developed_pictures_are_what_the_files_hold() {
     let out = folder.path().join("taken");
     let request = simulate::Request {
         images: vec!["scene:slanted-edge".into()],
+        sensor: small_sensor(folder.path(), 120, 160).into(),
         size: Some((32, 32)),
         spectral: simulate::Spectral { qe: Some("imx219".to_owned()), ..simulate::Spectral::default() },
         isp: Some("quality".to_owned()),
@@ -261,6 +264,7 @@ fn edges_in_memory_are_measured_as_those_of_files() {
     let out = folder.path().join("taken");
     let request = simulate::Request {
         images: vec!["scene:slanted-edge".into()],
+        sensor: small_sensor(folder.path(), 160, 200).into(),
         size: Some((128, 128)),
         spectral: simulate::Spectral { qe: Some("flat:0.6".to_owned()), ..simulate::Spectral::default() },
         picture_format: simulate::PictureAs::Exr,

@@ -11,6 +11,8 @@ use petzval_base::Cancel;
 use petzval_jobs::{Call, Context, ErrorReport, Event, JobError, Silent, Watcher, built_in_assets, jobs};
 use serde_json::{Value, json};
 
+use crate::small_sensor;
+
 /// Calls of rows that need nothing, and those of rows that need what [`prepare`] makes.
 const CALLS: [&str; 2] = [include_str!("../calls.json"), include_str!("../ready.json")];
 
@@ -93,7 +95,8 @@ fn prepare(folder: &Path) {
     );
     run(
         "simulate",
-        json!({"images": ["scene:slanted-edge"], "spectral": {"qe": "flat:0.6"}, "size": [128, 128], "out": at("ready-raws")}),
+        json!({"images": ["scene:slanted-edge"], "sensor": small_sensor(folder, 160, 200), "spectral": {"qe": "flat:0.6"}, "size": [128, 128],
+            "out": at("ready-raws")}),
     );
     // Beside raw frames and their sidecars the search for parameters takes no pictures.
     std::fs::remove_file(at("ready-raws/slanted-edge-developed.png")).unwrap();
