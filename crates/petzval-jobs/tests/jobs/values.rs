@@ -122,6 +122,7 @@ fn photographs_psfs_and_raw_frames_in_memory_give_what_their_files_give() {
         fields: 1,
         frames: 2,
         exposures_ms: vec![4.0, 16.0],
+        window: 48,
         ..psf_capture::Request::default()
     };
     psf_capture::run(&capture, &context()).unwrap();

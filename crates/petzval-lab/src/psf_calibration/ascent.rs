@@ -46,8 +46,9 @@ pub(super) fn landing(place: &Place, [row, col]: [f64; 2], pixel_um: f64) -> Lan
 }
 
 /// State of the fit of one colour.
-pub(super) struct Ascent<'a> {
-    landings: &'a [Landing],
+pub(super) struct Ascent {
+    /// Each on its fitted pixels alone: those of one colour are at most half of a mosaic.
+    landings: Vec<Landing>,
     /// Pixels of each landing.
     data: Vec<Vec<Datum>>,
     /// Standard deviation of a blob, cells.
@@ -59,10 +60,13 @@ pub(super) struct Ascent<'a> {
     pub cells: Vec<f64>,
 }
 
-impl<'a> Ascent<'a> {
+impl Ascent {
     /// Starts from `start`, the light of each cell.
-    pub fn new(landings: &'a [Landing], data: Vec<Vec<Datum>>, blob: f64, start: Vec<f64>) -> Self {
+    pub fn new(landings: &[Landing], data: Vec<Vec<Datum>>, blob: f64, start: Vec<f64>) -> Self {
         let cells = blurred(&start, blob);
+        let on_its_pixels =
+            |(landing, data): (&Landing, &Vec<Datum>)| landing.on(data.iter().map(|datum| datum.pixel));
+        let landings: Vec<Landing> = landings.iter().zip(&data).map(on_its_pixels).collect();
         let landed = landings.iter().map(|l| l.land(&cells)).collect();
         let mut ascent = Self { landings, data, blob, blobs: start, landed, sensitivity: Vec::new(), cells };
         ascent.sensitivity = ascent.gather(|_, _| 1.0);

@@ -108,6 +108,17 @@ impl Landing {
         Self { height, width, cells: grid * grid, shares }
     }
 
+    /// The landing on some pixels alone. What it lands on them, and gathers from them, has the bits of the whole landing.
+    ///
+    /// # Panics
+    /// Panics if a pixel is not in the window.
+    pub(super) fn on(&self, pixels: impl IntoIterator<Item = usize>) -> Self {
+        let mut is_kept = vec![false; self.height * self.width];
+        pixels.into_iter().for_each(|pixel| is_kept[pixel] = true);
+        let kept = self.shares.iter().filter(|(_, pixel, _)| is_kept[*pixel as usize]);
+        Self { shares: kept.copied().collect(), ..*self }
+    }
+
     /// Light on every pixel, given the light of every cell.
     pub fn land(&self, cells: &[f64]) -> Vec<f64> {
         let mut pixels = vec![0.0; self.height * self.width];

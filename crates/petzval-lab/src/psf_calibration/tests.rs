@@ -207,6 +207,23 @@ fn gathering_is_the_transpose_of_landing() {
 }
 
 #[test]
+fn a_landing_on_some_pixels_has_the_bits_of_the_whole_one_there() {
+    let whole = Landing::new((31, 2.0), SPOT, 3.0, 5.86, (SIDE, SIDE));
+    // The red pixels of a mosaic.
+    let red: Vec<usize> =
+        (0..SIDE * SIDE / 4).map(|i| 2 * (i / (SIDE / 2) * SIDE + i % (SIDE / 2))).collect();
+    let some = whole.on(red.iter().copied());
+    let wide = |v: Vec<f32>| v.into_iter().map(f64::from).collect::<Vec<f64>>();
+    let cells = wide(noise(1, 31 * 31));
+    let (of_some, of_whole) = (some.land(&cells), whole.land(&cells));
+    assert!(red.iter().all(|pixel| of_some[*pixel] == of_whole[*pixel]));
+    assert!(of_some.iter().sum::<f64>() < 0.5 * of_whole.iter().sum::<f64>());
+    let mut window = vec![0.0; SIDE * SIDE];
+    red.iter().zip(wide(noise(2, red.len()))).for_each(|(pixel, value)| window[*pixel] = value);
+    assert_eq!(some.gather(&window), whole.gather(&window));
+}
+
+#[test]
 fn without_noise_only_the_error_of_demosaicing_remains() {
     let psf = fine();
     let taken = take(&psf, SPOT, CORNER, NoiseMode::Off, 0.8, 1);
