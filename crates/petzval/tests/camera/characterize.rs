@@ -157,15 +157,15 @@ fn the_series_of_the_standard_gives_every_figure() {
 fn captures_are_simulated_and_measured() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
-    capture(folder.path(), "series", &["--stack", "6", "--quantum-efficiency", "0.6"]);
+    let three = ["--gains", "1,5.62,31.62", "--stack", "6", "--quantum-efficiency", "0.6"];
+    capture(folder.path(), "series", &three);
     assert!(read(&at("series/captures.toml")).contains("photons"));
     assert!(!at("series/gain-1/flat-5ms-0.partial.png").exists());
 
     // The same command keeps existing frames; another series is refused.
     let args =
         ["sensor", "capture", "imx249-fitted", "--out", "series", "--size", "60x80", "--format", "png"];
-    let more = ["--stack", "6", "--quantum-efficiency", "0.6", "--json"];
-    let again = run_ok(folder.path(), &[&args[..], &more[..]].concat()).json();
+    let again = run_ok(folder.path(), &[&args[..], &three, &["--json"]].concat()).json();
     assert_eq!(again["kept"], again["frames"]);
     run_fails(
         folder.path(),

@@ -134,10 +134,14 @@ fn what_cannot_be_read_or_written_is_named_and_nothing_is_written() {
 #[test]
 fn a_simulated_photograph_comes_in_every_format() {
     let folder = tempfile::tempdir().unwrap();
+    let sensor = read(&data("sensors/imx249-fitted.toml")).replace("width = 1920", "width = 160");
+    std::fs::write(folder.path().join("small.toml"), sensor.replace("height = 1200", "height = 120"))
+        .unwrap();
     let photo = data("photos/coffee.png").display().to_string();
     let take = |raw: &str, picture: &str| {
         let formats = ["--raw-format", raw, "--picture-format", picture, "--gain", "2", "--json"];
-        run_ok(folder.path(), &[&["simulate", &photo, "--out", raw], &formats[..]].concat()).json()
+        let simulate = ["simulate", &photo, "--sensor", "small.toml", "--out", raw];
+        run_ok(folder.path(), &[&simulate[..], &formats[..]].concat()).json()
     };
     let show = |file: &str| run_ok(folder.path(), &["raw", "show", file, "--json"]).json();
     let written = take("tiff", "exr");
@@ -151,10 +155,10 @@ fn a_simulated_photograph_comes_in_every_format() {
     assert_eq!((&packed["colours"], &packed["info"]), (&tiff["colours"], &tiff["info"]));
     assert_eq!(
         std::fs::metadata(folder.path().join("packed/coffee-raw.raw")).unwrap().len(),
-        1200 * 1920 * 3 / 2
+        120 * 160 * 3 / 2
     );
     let light = std::fs::read(folder.path().join("packed/coffee-developed.npy")).unwrap();
-    assert_eq!(npyz::NpyFile::new(&light[..]).unwrap().shape(), [3, 1200, 1920]);
+    assert_eq!(npyz::NpyFile::new(&light[..]).unwrap().shape(), [3, 120, 160]);
 }
 
 /// A frame of 120 x 160 pixels with an upright edge, 5 degrees from the columns, of 16 bits: smooth enough for a known response.

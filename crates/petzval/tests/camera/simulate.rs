@@ -217,8 +217,11 @@ fn a_lens_without_symmetry_takes_photographs() {
 #[test]
 fn a_result_that_cannot_be_written_leaves_no_others() {
     let folder = tempfile::tempdir().unwrap();
+    write_small_sensor(folder.path());
     let photo = data("photos/coffee.png").display().to_string();
-    let args = ["simulate", "--force", photo.as_str(), "--out", "out", "--picture-format", "npy"];
+    let simulate =
+        ["simulate", "--force", photo.as_str(), "--sensor", "small.toml", "--picture-format", "npy"];
+    let args = [&simulate[..], &["--out", "out"]].concat();
     let all = ["coffee-calibration.toml", "coffee-developed.npy", "coffee-raw.tiff", "coffee-raw.tiff.toml"];
     for blocked in all {
         let folder_there = folder.path().join("out").join(blocked);

@@ -104,7 +104,7 @@ fn a_developed_chart_is_measured() {
     let folder = tempfile::tempdir().unwrap();
     // A sensor of fewer, larger pixels.
     let sensor = read(&data("sensors/imx249-fitted.toml"));
-    let sensor = sensor.replace("height = 1200", "height = 400").replace("width = 1920", "width = 560");
+    let sensor = sensor.replace("height = 1200", "height = 300").replace("width = 1920", "width = 420");
     std::fs::write(folder.path().join("small.toml"), sensor).unwrap();
     let chart = |out: &str, more: &[&str]| {
         let args = ["isp", "chart", "--sensor", "small.toml", "--out", out, "--json"];
