@@ -21,6 +21,8 @@ patches = [2, 2]
 pupil_cells = 16
 scoring_pupil_cells = 16
 scoring_pupil_error = 2.0
+scoring_fields = 3
+scoring_blend_error = 2.0
 [street]
 windows = 3
 held_out = 3

@@ -30,13 +30,10 @@ fn own_pictures_go_whole_through_the_cameras_of_a_run() {
     // The scene and three cameras, whole and at three places.
     assert_eq!(page.matches("<img").count(), 16);
     assert!(["the scene", "nominal", "spot-optimised", "end-to-end"].iter().all(|name| page.contains(name)));
-    let both = ["--camera", "nominal", "--camera", "end-to-end", "--out", "applied"];
-    let done = run_ok(folder.path(), &[&["apply", "run", &photo, "--json"], &both[..]].concat()).json();
-    assert_eq!(done["pictures"].as_array().unwrap().len(), 2, "{done}");
     let picture = |name: &str| image::open(folder.path().join(name)).unwrap().into_rgb8();
-    let scene = picture("applied/coffee-scene.png");
+    let scene = picture("all/coffee-scene.png");
     let [nominal, designed] =
-        ["nominal", "end-to-end"].map(|name| picture(&format!("applied/coffee-{name}.png")));
+        ["nominal", "end-to-end"].map(|name| picture(&format!("all/coffee-{name}.png")));
     assert_eq!(scene.dimensions(), (1920, 1200));
     let mean_difference = |a: &image::RgbImage, b: &image::RgbImage| {
         let sum: f64 = a.iter().zip(b.iter()).map(|(a, b)| (f64::from(*a) - f64::from(*b)).abs()).sum();
@@ -61,7 +58,9 @@ fn own_pictures_go_whole_through_the_cameras_of_a_run() {
     ];
     run_ok(folder.path(), &[&simulate[..], &["--no-distortion", "--out", "taken"]].concat());
     let raw = ["apply", "run", "taken/coffee-raw.tiff", "--camera", "nominal", "--out", "raw"];
-    run_ok(folder.path(), &raw);
+    let both = ["--camera", "end-to-end", "--json"];
+    let done = run_ok(folder.path(), &[&raw[..], &both].concat()).json();
+    assert_eq!(done["pictures"].as_array().unwrap().len(), 2, "{done}");
     let of_raw = picture("raw/coffee-raw-nominal.png");
     assert_eq!(of_raw.dimensions(), (1920, 1200));
     let off = mean_difference(&of_raw, &nominal);
@@ -108,7 +107,10 @@ fn own_pictures_go_whole_through_the_cameras_of_a_run() {
         (&["apply", "run", "none.png"], &["none.png"]),
         (&["apply", "none", &photo], &["none"]),
         (&["apply", "run", &photo, &photo], &["another picture has this name too"]),
-        (&[&["apply", "run", &photo], &both[..]].concat(), &["coffee-nominal.png: exists already"]),
+        (
+            &["apply", "run", &photo, "--camera", "nominal", "--camera", "end-to-end", "--out", "all"],
+            &["coffee-nominal.png: exists already"],
+        ),
     ] {
         run_fails(folder.path(), args, 2, needles);
     }

@@ -430,7 +430,7 @@ fn cameras_are_made_with_tolerances_and_scored() {
 #[test]
 fn a_run_is_never_overwritten() {
     let folder = tempfile::tempdir().unwrap();
-    tiny_run(folder.path(), "run", &["--steps", "1"]);
+    finished_run(folder.path());
     let again = ["design", "tiny.toml", "--out", "run"];
     run_fails(folder.path(), &again, 2, &["run: this folder already holds a run", "--resume run"]);
     // Checkpoints without an experiment would count as those of the new run.

@@ -386,7 +386,7 @@ fn a_loss_that_diverges_stops_the_run_with_what_to_try() {
 #[test]
 fn a_run_that_goes_on_with_another_instruction_set_says_so() {
     let folder = tempfile::tempdir().unwrap();
-    let run = tiny_run(folder.path(), "run", &["--steps", "1"]);
+    let run = finished_run(folder.path());
     let mut begun = read_json(&run.join("environment.json"));
     begun["simd_used"] = Value::from("another");
     std::fs::write(run.join("environment.json"), begun.to_string()).unwrap();

@@ -17,6 +17,8 @@ patches = [2, 2]
 pupil_cells = 16
 scoring_pupil_cells = 16
 scoring_pupil_error = 2.0
+scoring_fields = 3
+scoring_blend_error = 2.0
 [network]
 base_channels = 4
 levels = 2
