@@ -41,7 +41,7 @@ fn folders_that_are_not_text_are_refused_before_a_run_keeps_them() {
     // The way that the hint names.
     let run = root.join(OsStr::from_bytes(b"r\xffun"));
     std::fs::create_dir(&run).unwrap();
-    run_ok(&run, &["design", "../tiny.toml", "--out", "."]);
+    run_ok(&run, &["design", "../tiny.toml", "--variant", "nominal", "--out", "."]);
     run_ok(&run, &["report", "."]);
 }
 
