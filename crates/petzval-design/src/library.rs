@@ -8,7 +8,7 @@ use petzval_optics::glass::Catalog;
 
 use crate::assets::{Assets, ExternalIsps, Guests, Text, WarningSink};
 use crate::error::{DesignError, Result};
-use crate::experiment::{BUILT_IN_PHOTOS, Experiment, STREET, Settings, TaskFacts, WithSettings};
+use crate::experiment::{Experiment, Settings, TaskFacts, WithSettings, is_input};
 use crate::path_text::path_text;
 use crate::run::input_list::pictures_of_run;
 use crate::run::{RunFolder, RunRecord, config_text, json_record};
@@ -135,7 +135,7 @@ impl Library {
         let found = self.checked(&text).and_then(|mut experiment| {
             for (key, input) in experiment.inputs_mut() {
                 let path = Path::new(input.as_str());
-                if with.is_set(&key) && path.is_relative() && path.exists() {
+                if with.is_set(&key) && path.is_relative() && is_input(&key, path) {
                     *input = path_text(&std::path::absolute(path).map_err(DesignError::io(path))?)?;
                 }
             }
@@ -171,9 +171,8 @@ impl Library {
         for (key, input) in experiment.inputs_mut() {
             let beside = folder.join(input.as_str());
             let path: Vec<&str> = key.iter().map(String::as_str).collect();
-            let may_be_missing =
-                may_be_missing.contains(&path[0]) && ![BUILT_IN_PHOTOS, STREET].contains(&input.as_str());
-            if beside.exists() || may_be_missing {
+            let may_be_missing = may_be_missing.contains(&path[0]);
+            if is_input(&key, &beside) || may_be_missing {
                 *input = path_text(&beside)?;
             }
             if may_be_missing {
@@ -215,12 +214,12 @@ impl Library {
                 return (!Path::new(name).is_file()).then(|| hint.to_owned());
             }
             "data" => {
-                let is_there = name == STREET || Path::new(name).exists();
-                return (!is_there).then(|| "a folder of labelled pictures, or \"street\"".to_owned());
+                let hint = "a folder of labelled pictures, or \"street\"";
+                return (!Path::new(name).exists()).then(|| hint.to_owned());
             }
             _ => {
-                let is_there = name == BUILT_IN_PHOTOS || Path::new(name).exists();
-                return (!is_there).then(|| "a folder of pictures, or \"built-in\"".to_owned());
+                let hint = "a folder of pictures, or \"built-in\"";
+                return (!Path::new(name).exists()).then(|| hint.to_owned());
             }
         };
         match self.text("input", folder, name) {

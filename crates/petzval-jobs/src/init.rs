@@ -6,7 +6,9 @@ use petzval_base::pasted;
 use petzval_camera::develop::Demosaic;
 use petzval_camera::sensor::Colour;
 use petzval_design::error::DesignError;
-use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, PicturesKey, commented_toml, is_derived_lens};
+use petzval_design::experiment::{
+    BUILT_IN_PHOTOS, Experiment, PicturesKey, commented_toml, is_derived_lens, is_input,
+};
 use petzval_design::fit::{demands, white_that_fits};
 use petzval_design::path_text::path_text;
 use petzval_files::{parse_lens, parse_sensor, write_lens};
@@ -105,26 +107,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     }
     demands(&experiment, pictures, &model, &context.assets)?.iter().for_each(|line| context.note(line));
 
-    experiment.lens = LENS.to_owned();
-    experiment.sensor = SENSOR.to_owned();
-    for variant in &mut experiment.variant {
-        let name = &variant.name;
-        match &mut variant.lens {
-            Some(named) if *named == own_lens_name => *named = LENS.to_owned(),
-            Some(named) if lens.is_some() && !is_derived_lens(named) => {
-                context.warning(
-                    WarningKind::Experiment,
-                    format!("the variant `{name}` starts from `{named}`, which is not your lens"),
-                );
-            }
-            _ => {}
-        }
+    if lens.is_some() {
+        warn_of_other_lenses(&experiment, &own_lens_name, context);
     }
-    // What lies beside another experiment is found from the new folder as well.
-    let named = experiment.inputs_mut().map(|(_, name)| name);
-    for path in named.filter(|name| Path::new(name.as_str()).exists()) {
-        *path = path_text(&std::path::absolute(&*path).map_err(DesignError::io(Path::new(&*path)))?)?;
-    }
+    name_files(&mut experiment, &own_lens_name)?;
     let text = format!(
         "# From the experiment `{from}`, with every key, its unit and its range. `petzval design {}` runs it.\n\n{}",
         pasted(&out.join(EXPERIMENT)),
@@ -152,6 +138,38 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         gave_variables,
         needs_gray_photos,
     })
+}
+
+/// Warns of variants that start neither from the experiment's own lens, in whose place another one comes, nor from one that is derived from it.
+fn warn_of_other_lenses(experiment: &Experiment, own_lens: &str, context: &Context) {
+    for variant in &experiment.variant {
+        let Some(named) = variant.lens.as_deref() else { continue };
+        if named != own_lens && !is_derived_lens(named) {
+            context.warning(
+                WarningKind::Experiment,
+                format!("the variant `{}` starts from `{named}`, which is not your lens", variant.name),
+            );
+        }
+    }
+}
+
+/// Names the lens and the sensor that are written, in place of the experiment's own. Other inputs that lie in files are named by their paths from the
+/// root, so that they are found from the new folder; built-in names stay.
+fn name_files(experiment: &mut Experiment, own_lens: &str) -> Result<()> {
+    let is_own: Vec<bool> = experiment.variant.iter().map(|v| v.lens.as_deref() == Some(own_lens)).collect();
+    // The names of the files that are written count from the new folder and come last: the current one may have files of the same names.
+    for (key, name) in experiment.inputs_mut() {
+        let path = Path::new(name.as_str());
+        if is_input(&key, path) {
+            *name = path_text(&std::path::absolute(path).map_err(DesignError::io(path))?)?;
+        }
+    }
+    experiment.lens = LENS.to_owned();
+    experiment.sensor = SENSOR.to_owned();
+    for (variant, _) in experiment.variant.iter_mut().zip(is_own).filter(|(_, is_own)| *is_own) {
+        variant.lens = Some(LENS.to_owned());
+    }
+    Ok(())
 }
 
 /// The name of an input that may be left out, and the context in which it is found.

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use petzval_base::Cancel;
-use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, STREET};
+use petzval_design::experiment::Experiment;
 use petzval_design::inputs::check_inputs;
 use petzval_design::run::{RunFolder, RunRecord};
 use petzval_design::setup::Setup;
@@ -175,8 +175,7 @@ fn refuse_other_run(root: &Path, new: &NewRun, request: &Request, context: &Cont
     let Some(record) = RunRecord::read(&run)? else { return Ok(()) };
     let wanted = design::resolved(new, context)?;
     let unnamed = |mut experiment: Experiment| {
-        let is_built_in = |name: &str| [BUILT_IN_PHOTOS, STREET].contains(&name);
-        experiment.inputs_mut().filter(|(_, name)| !is_built_in(name)).for_each(|(_, name)| name.clear());
+        experiment.inputs_mut().for_each(|(_, name)| name.clear());
         experiment
     };
     let hint = "choose another folder with --out, or request the same run";

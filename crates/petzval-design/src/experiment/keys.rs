@@ -1,10 +1,17 @@
 //! An experiment by its keys: which differ, which are missing, which name inputs.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 
 use petzval_base::{FileError, quote};
 
-use super::{Experiment, NO_FILE, NO_ISP, is_derived_lens};
+use super::{BUILT_IN_PHOTOS, Experiment, NO_FILE, NO_ISP, STREET, is_derived_lens};
+
+/// Whether a path leads to an input of this key: a file, or a folder where the key takes one. A folder is no lens, so that it hides no built-in one.
+pub fn is_input(key: &[String], path: &Path) -> bool {
+    let takes_folder = ["photos", "data"].contains(&key[0].as_str()) || key == ["psf", "file"];
+    path.is_file() || takes_folder && path.is_dir()
+}
 
 impl Experiment {
     /// The keys in which this experiment differs from another, each with the value there: `training.steps`, `60`.
@@ -23,8 +30,8 @@ impl Experiment {
         found
     }
 
-    /// Every lens, sensor, ISP, network, data set and bank of PSFs that the experiment names, each with its key. What is derived from the experiment itself
-    /// (the perfect lens, no ISP) is not among them.
+    /// Every lens, sensor, ISP, network, data set and bank of PSFs that the experiment names, each with its key. Words that name no file are not among
+    /// them: the perfect lens, no ISP, the built-in photographs, the generated streets.
     pub fn inputs_mut(&mut self) -> impl Iterator<Item = (Vec<String>, &mut String)> {
         let key = |parts: &[&str]| parts.iter().map(|part| (*part).to_owned()).collect::<Vec<_>>();
         let of_variants = self.variant.iter_mut().enumerate().flat_map(move |(i, v)| {
@@ -36,13 +43,16 @@ impl Experiment {
         let weights = Some(&mut self.network.weights).filter(|_| is_file);
         let psfs = Some(&mut self.psf.file).filter(|file| *file != NO_FILE);
         let preset = Some(&mut self.isp.preset).filter(|preset| *preset != NO_ISP);
+        let photos = Some(&mut self.photos).filter(|photos| *photos != BUILT_IN_PHOTOS);
+        let data = Some(&mut self.data).filter(|data| *data != STREET);
         [
-            (key(&["lens"]), &mut self.lens),
-            (key(&["sensor"]), &mut self.sensor),
-            (key(&["photos"]), &mut self.photos),
-            (key(&["data"]), &mut self.data),
+            Some((key(&["lens"]), &mut self.lens)),
+            Some((key(&["sensor"]), &mut self.sensor)),
+            photos.map(|photos| (key(&["photos"]), photos)),
+            data.map(|data| (key(&["data"]), data)),
         ]
         .into_iter()
+        .flatten()
         .chain(weights.map(|weights| (key(&["network", "weights"]), weights)))
         .chain(psfs.map(|file| (key(&["psf", "file"]), file)))
         .chain(preset.map(|preset| (key(&["isp", "preset"]), preset)))

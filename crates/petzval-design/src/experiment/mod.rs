@@ -17,6 +17,7 @@ mod variants;
 
 pub use commented::commented_toml;
 pub use derived_lens::{BOX_CENTRE_LENS, PERFECT_LENS, is_derived_lens};
+pub use keys::is_input;
 pub use names::{
     BUILT_IN_PHOTOS, BlockName, DetectorInput, FieldOfView, LensGoal, NetworkKind, PsfsBy, STREET, StepMethod,
 };

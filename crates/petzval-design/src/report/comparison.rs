@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::error::{DesignError, Result};
-use crate::experiment::{BUILT_IN_PHOTOS, Experiment, STREET};
+use crate::experiment::Experiment;
 use crate::library::Library;
 use crate::path_text::path_text;
 use crate::report::run_report::read_metrics;
@@ -169,8 +169,7 @@ impl Finished {
     fn repeated(&self) -> Experiment {
         let mut config = Experiment { seed: 0, reading: Default::default(), ..self.config.clone() };
         for (key, place) in config.inputs_mut() {
-            let is_built_in = [BUILT_IN_PHOTOS, STREET].contains(&place.as_str());
-            if ["photos", "data", "isp"].contains(&key[0].as_str()) && !is_built_in {
+            if ["photos", "data", "isp"].contains(&key[0].as_str()) {
                 *place = "one's own".to_owned();
             }
         }

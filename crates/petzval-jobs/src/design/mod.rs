@@ -11,7 +11,7 @@ use petzval_design::assets::Text;
 use petzval_design::design_loop::{DesignLoop, Ending};
 use petzval_design::error::DesignError;
 pub use petzval_design::experiment::Settings;
-use petzval_design::experiment::{BUILT_IN_PHOTOS, Experiment, PicturesKey, STREET};
+use petzval_design::experiment::{Experiment, PicturesKey, STREET, is_input};
 use petzval_design::first_look::first_look;
 use petzval_design::inputs::{Inputs, SetupFor, check_inputs, keep_inputs, setup_of_run};
 use petzval_design::path_text::path_text;
@@ -194,9 +194,8 @@ pub(crate) const UNIT: AsUnit<Request> = AsUnit {
 /// Files and folders that an experiment names.
 pub(crate) fn inputs_of(experiment: &Experiment) -> Vec<PathBuf> {
     let mut experiment = experiment.clone();
-    let is_built_in = |name: &str| [BUILT_IN_PHOTOS, STREET].contains(&name);
-    let named = experiment.inputs_mut().filter(|(_, name)| !is_built_in(name));
-    named.map(|(_, name)| PathBuf::from(&*name)).filter(|path| path.exists()).collect()
+    let named = experiment.inputs_mut().map(|(key, name)| (key, PathBuf::from(&*name)));
+    named.filter(|(key, path)| is_input(key, path)).map(|(_, path)| path).collect()
 }
 
 /// Starts or continues a run, until every camera is made and scored. A run that is cancelled leaves a checkpoint.
@@ -610,10 +609,8 @@ fn changed(mut experiment: Experiment, changes: &Changes, context: &Context) -> 
     let (photos, data) = (changes.photos.as_deref(), changes.data.as_deref());
     experiment = with_pictures(experiment, photos, data, facts.pictures)?;
     for (key, name) in experiment.inputs_mut() {
-        let is_built_in = [BUILT_IN_PHOTOS, STREET].contains(&name.as_str());
-        let may_be_folder = ["photos", "data"].contains(&key[0].as_str());
         let path = Path::new(name.as_str());
-        if !is_built_in && (path.is_file() || may_be_folder && path.is_dir()) {
+        if is_input(&key, path) {
             *name = absolute(path)?;
         }
     }

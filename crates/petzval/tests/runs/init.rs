@@ -53,6 +53,72 @@ fn the_files_are_complete_and_run() {
     assert!(!folder.path().join("other").exists());
 }
 
+/// A folder whose files and folders have the names that `init` writes, and those of what is built in.
+fn with_decoys() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["built-in", "street", "cooke-triplet-nominal", "imx249-fitted"] {
+        std::fs::create_dir(folder.path().join(name)).unwrap();
+    }
+    for (from, to) in
+        [("lenses/cooke-triplet-nominal.toml", "lens.toml"), ("sensors/imx250-mono.toml", "sensor.toml")]
+    {
+        std::fs::copy(data(from), folder.path().join(to)).unwrap();
+    }
+    folder
+}
+
+/// Two cameras, of which the first has the experiment's lens and the second a built-in one.
+const TWO_LENSES: &str = r#"lens = "lens.toml"
+variant = [
+    { name = "own", lens = "lens.toml", stage = [{ goal = "task", moves = ["network"] }] },
+    { name = "other", lens = "cooke-triplet-nominal", stage = [{ goal = "task", moves = ["network"] }] },
+]
+"#;
+
+#[test]
+fn an_experiment_names_the_files_that_are_written_with_it() {
+    let folder = with_decoys();
+    std::fs::write(folder.path().join("two.toml"), TWO_LENSES).unwrap();
+    for (out, from) in [
+        ("built", &[] as &[&str]),
+        ("fitted", &["--lens", "lens.toml"]),
+        ("two", &["--from", "two.toml"]),
+        ("both", &["--from", "two.toml", "--lens", "lens.toml"]),
+    ] {
+        run_ok(folder.path(), &[&["init", out], from].concat());
+        let text = read(&folder.path().join(out).join("experiment.toml"));
+        let named: Vec<&str> = text
+            .lines()
+            .filter(|line| {
+                ["lens = ", "sensor = ", "photos = ", "data = "].iter().any(|key| line.starts_with(key))
+            })
+            .map(|line| line.split(" #").next().unwrap_or_default().trim_end())
+            .collect();
+        let own = [
+            "lens = \"lens.toml\"",
+            "sensor = \"sensor.toml\"",
+            "photos = \"built-in\"",
+            "data = \"street\"",
+        ];
+        assert_eq!(named[..4], own, "{out}");
+        if from.contains(&"two.toml") {
+            assert_eq!(named[4..], ["lens = \"lens.toml\"", "lens = \"cooke-triplet-nominal\""], "{out}");
+        }
+    }
+}
+
+#[test]
+fn a_folder_beside_an_experiment_hides_nothing_that_is_built_in() {
+    let folder = with_decoys();
+    std::fs::write(folder.path().join("two.toml"), TWO_LENSES).unwrap();
+    let above = folder.path().parent().unwrap();
+    let name = folder.path().join("two.toml");
+    let config = run_ok(above, &["design", name.to_str().unwrap(), "--print-config"]).stdout;
+    for line in ["lens = \"cooke-triplet-nominal\"", "photos = \"built-in\"", "data = \"street\""] {
+        assert!(config.lines().any(|known| known.trim_start().starts_with(line)), "{line}: {config}");
+    }
+}
+
 /// The same rule as that of `lens optimize`, in the same words.
 #[test]
 fn a_lens_for_a_near_object_keeps_its_magnification() {
