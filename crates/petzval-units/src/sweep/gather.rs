@@ -96,6 +96,21 @@ pub struct GatheredRow {
     pub status: String,
 }
 
+/// A column of the tables.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Column {
+    /// A key that varies, by its place.
+    Key(usize),
+    /// The camera.
+    Camera,
+    /// Of a row the number of its units; of a unit its seed, which tells it from the others of its row.
+    Repeats,
+    /// A figure, by its place.
+    Figure(usize),
+    /// What the job says of its result in words.
+    Status,
+}
+
 /// The results of a sweep.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Gathered {
@@ -325,16 +340,42 @@ fn spread(values: impl Iterator<Item = f64>) -> Option<Spread> {
 }
 
 impl Gathered {
-    /// The rows as comma-separated values: keys, camera, number of units; of each figure mean, deviation, least and largest value.
+    /// All columns, which the files have. A status is among them if any result states one.
+    pub fn columns(&self) -> Vec<Column> {
+        let has_status = self.units.iter().any(|unit| !unit.status.is_empty());
+        self.columns_with(0..self.figures.len(), has_status)
+    }
+
+    /// The columns that a reader sees: of the figures these, by their places, and a status if results differ in it.
+    pub fn shown_columns(&self, figures: &[usize]) -> Vec<Column> {
+        let has_status = each_once(self.units.iter().map(|unit| unit.status.as_str())).len() > 1;
+        self.columns_with(figures.iter().copied(), has_status)
+    }
+
+    fn columns_with(&self, figures: impl Iterator<Item = usize>, has_status: bool) -> Vec<Column> {
+        let keys = (0..self.keys.len()).map(Column::Key);
+        keys.chain([Column::Camera, Column::Repeats])
+            .chain(figures.map(Column::Figure))
+            .chain(has_status.then_some(Column::Status))
+            .collect()
+    }
+
+    /// The rows as comma-separated values: keys, camera, number of units; of each figure mean, deviation, least and largest value; status.
     pub fn csv(&self) -> String {
-        let of_figures = self.figures.iter().flat_map(|figure| {
-            ["mean", "deviation", "low", "high"].map(|what| format!("{}_{what}", figure.name))
-        });
-        let head =
-            self.keys.iter().cloned().chain(["camera".to_owned(), "units".to_owned()]).chain(of_figures);
-        let row = |row: &GatheredRow| -> Vec<String> {
-            let values = row.values.iter().map(in_words);
-            let figures = row.figures.iter().flat_map(|spread| {
+        let columns = self.columns();
+        let head = |column: &Column| match *column {
+            Column::Figure(k) => {
+                let name = &self.figures[k].name;
+                ["mean", "deviation", "low", "high"].map(|what| format!("{name}_{what}")).to_vec()
+            }
+            _ => vec![self.head(*column)],
+        };
+        let cells = |row: &GatheredRow, column: &Column| match *column {
+            Column::Key(k) => vec![in_words(&row.values[k])],
+            Column::Camera => vec![row.camera.clone()],
+            Column::Repeats => vec![row.units.len().to_string()],
+            Column::Figure(k) => {
+                let spread = row.figures[k];
                 [
                     spread.map(|s| s.mean),
                     spread.and_then(|s| s.deviation),
@@ -342,38 +383,51 @@ impl Gathered {
                     spread.map(|s| s.high),
                 ]
                 .map(csv_number)
-            });
-            values.chain([row.camera.clone(), row.units.len().to_string()]).chain(figures).collect()
+                .to_vec()
+            }
+            Column::Status => vec![row.status.clone()],
         };
-        csv_text([head.collect::<Vec<_>>()].into_iter().chain(self.rows.iter().map(row)))
+        let heads: Vec<String> = columns.iter().flat_map(head).collect();
+        let row = |row: &GatheredRow| -> Vec<String> {
+            columns.iter().flat_map(|column| cells(row, column)).collect()
+        };
+        csv_text([heads].into_iter().chain(self.rows.iter().map(row)))
     }
 
-    /// The single units as comma-separated values: name, keys, camera, seed, figures, CPU seconds.
+    /// The single units as comma-separated values: name, keys, camera, seed, figures, status, CPU seconds.
     pub fn units_csv(&self) -> String {
-        let figures = self.figures.iter().map(|figure| figure.name.clone());
-        let head = ["unit".to_owned()].into_iter().chain(self.keys.iter().cloned());
-        let head = head
-            .chain(["camera", "seed"].map(str::to_owned))
-            .chain(figures)
-            .chain(["cpu_seconds".to_owned()]);
-        let row = |unit: &UnitResult| -> Vec<String> {
-            let seed = unit.seed.map_or_else(String::new, |seed| seed.to_string());
-            let values = unit.values.iter().map(in_words);
-            let figures = unit.figures.iter().map(|value| csv_number(*value));
-            [unit.unit.clone()]
-                .into_iter()
-                .chain(values)
-                .chain([unit.camera.clone(), seed])
-                .chain(figures)
-                .chain([unit.cpu_seconds.to_string()])
-                .collect()
+        let columns = self.columns();
+        let head = |column: &Column| match *column {
+            Column::Repeats => "seed".to_owned(),
+            _ => self.head(*column),
         };
-        csv_text([head.collect::<Vec<_>>()].into_iter().chain(self.units.iter().map(row)))
+        let cell = |unit: &UnitResult, column: &Column| match *column {
+            Column::Key(k) => in_words(&unit.values[k]),
+            Column::Camera => unit.camera.clone(),
+            Column::Repeats => unit.seed.map_or_else(String::new, |seed| seed.to_string()),
+            Column::Figure(k) => csv_number(unit.figures[k]),
+            Column::Status => unit.status.clone(),
+        };
+        let framed = |first: String, cells: Vec<String>, last: String| -> Vec<String> {
+            [first].into_iter().chain(cells).chain([last]).collect()
+        };
+        let heads = columns.iter().map(head).collect();
+        let rows = self.units.iter().map(|unit| {
+            let cells = columns.iter().map(|column| cell(unit, column)).collect();
+            framed(unit.unit.clone(), cells, unit.cpu_seconds.to_string())
+        });
+        csv_text([framed("unit".to_owned(), heads, "cpu_seconds".to_owned())].into_iter().chain(rows))
     }
 
-    /// Whether results differ in what their jobs say of them in words.
-    pub fn has_several_statuses(&self) -> bool {
-        each_once(self.units.iter().map(|unit| unit.status.as_str())).len() > 1
+    /// The heading of a column.
+    pub fn head(&self, column: Column) -> String {
+        match column {
+            Column::Key(k) => self.keys[k].clone(),
+            Column::Camera => "camera".to_owned(),
+            Column::Repeats => "units".to_owned(),
+            Column::Figure(k) => self.figures[k].name.clone(),
+            Column::Status => "status".to_owned(),
+        }
     }
 
     /// Whether the mean of a row is the best of its column among cameras that are no ceiling; no figure without a direction is.
@@ -450,6 +504,25 @@ mod tests {
         ));
         assert!(lines[3].starts_with("128,\"a, b\",a,2,21.5,,21.5,21.5,1,0,1,1"), "{}", lines[3]);
         assert_eq!(all.units_csv().lines().nth(5).unwrap(), "5,128,\"a, b\",a,1,,1,2.5");
+    }
+
+    #[test]
+    fn the_status_of_results_is_in_every_table() {
+        let lost = UnitResult { status: "missed, surface 3".to_owned(), ..unit("2", "a", 128, None) };
+        let all = gathered(vec![
+            UnitResult { status: "ok".to_owned(), ..unit("1", "a", 64, Some(20.0)) },
+            lost.clone(),
+        ]);
+        assert_eq!(all.shown_columns(&[0]).last(), Some(&Column::Status));
+        for (csv, end) in [(all.csv(), ",status"), (all.units_csv(), ",status,cpu_seconds")] {
+            let lines: Vec<&str> = csv.lines().collect();
+            assert!(lines[0].ends_with(end), "{csv}");
+            assert!(lines[1].contains(",ok") && lines[2].contains(",\"missed, surface 3\""), "{csv}");
+        }
+        // One that all results share is in the files alone.
+        let same = gathered(vec![lost.clone(), UnitResult { unit: "3".to_owned(), ..lost }]);
+        assert!(!same.shown_columns(&[0]).contains(&Column::Status) && same.csv().contains(",status"));
+        assert!(!gathered(vec![unit("1", "a", 64, None)]).units_csv().contains("status"));
     }
 
     #[test]

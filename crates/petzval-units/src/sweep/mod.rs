@@ -22,7 +22,7 @@ pub use estimate::{Estimate, estimate};
 pub use expand::{Combination, Expansion, MOST_UNITS, SweptKey, expand};
 pub use file::{Level, Source, SweepFile, parse};
 pub use files::{RESULTS, keep_results, keep_scripts, log_of};
-pub use gather::{FigureColumn, Gathered, GatheredRow, Spread, UnitResult, gather, in_words};
+pub use gather::{Column, FigureColumn, Gathered, GatheredRow, Spread, UnitResult, gather, in_words};
 pub use kept::{KeptSweep, KeptUnit, keyed, logs_folder, units_file, usual_store};
 pub use name::{names, short_keys};
 pub use plan::{DESIGN, Plan, PlannedUnit, plan};

@@ -11,7 +11,7 @@ use petzval_report::sweep_page::{
     FailedUnit, Scatter, ScatterGroup, SweepFigure, SweepPicture, SweepRow, SweepView,
 };
 
-use super::gather::{FigureColumn, Gathered, GatheredRow, Spread, UnitResult, in_words};
+use super::gather::{Column, FigureColumn, Gathered, GatheredRow, Spread, UnitResult, in_words};
 
 /// Figures that the page shows of a job whose numbers have no description.
 const SHOWN_FIGURES: usize = 8;
@@ -42,14 +42,14 @@ pub fn view(gathered: &Gathered, choice: &Choice, again: &str) -> Result<SweepVi
         let FigureColumn { title, unit, .. } = &gathered.figures[*k];
         (title.clone(), unit.replace("um", "µm"))
     });
-    let has_statuses = gathered.has_several_statuses();
+    let has_status = gathered.shown_columns(&shown).contains(&Column::Status);
     let row = |row: &GatheredRow| SweepRow {
         camera: row.camera.clone(),
         values: row.values.iter().map(in_words).collect(),
         units: row.units.len(),
         figures: shown.iter().map(|k| cell(&gathered.figures[*k], row.figures[*k])).collect(),
         best: shown.iter().map(|k| gathered.is_best(row, *k)).collect(),
-        status: if has_statuses { row.status.clone() } else { String::new() },
+        status: if has_status { row.status.clone() } else { String::new() },
     };
     let failed = gathered.status.units.iter().filter(|unit| unit.has_error());
     let cpu: f64 = gathered.status.units.iter().filter_map(|unit| unit.cpu_seconds).sum();

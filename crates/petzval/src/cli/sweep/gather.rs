@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use crate::base::{Cancel, pasted};
 use crate::units::store::Seen;
 use crate::units::sweep::{
-    Choice, Gathered, KeptSweep, figures_that_vary, gather, in_words, keep_results, number, status,
-    units_file, view,
+    Choice, Column, Gathered, GatheredRow, KeptSweep, figures_that_vary, gather, in_words, keep_results,
+    number, status, units_file, view,
 };
 
 use super::super::code::Code;
@@ -77,24 +77,30 @@ const SHOWN: usize = 4;
 /// The table with its first figures that vary.
 fn table(gathered: &Gathered) -> String {
     let figures: Vec<usize> = figures_that_vary(gathered).into_iter().take(SHOWN).collect();
-    let heads = gathered.keys.iter().map(String::as_str).chain(["camera", "units"]);
-    let named = figures.iter().map(|k| gathered.figures[*k].name.as_str());
-    let has_statuses = gathered.has_several_statuses();
-    let heads = heads.chain(named).chain(has_statuses.then_some("status"));
-    let heads: Vec<String> = heads.map(|head| plain::line(head).into_owned()).collect();
+    let columns = gathered.shown_columns(&figures);
+    let line = |text: &str| plain::line(text).into_owned();
+    let heads: Vec<String> = columns.iter().map(|column| line(&gathered.head(*column))).collect();
     let mut table = TextTable::new(heads.iter().map(String::as_str));
     for row in &gathered.rows {
-        let cells = figures.iter().map(|k| {
-            let (Some(spread), figure) = (row.figures[*k], &gathered.figures[*k]) else {
+        table.row(columns.iter().map(|column| line(&cell(gathered, row, *column))));
+    }
+    table.text()
+}
+
+/// A cell of the table; a dash where there is nothing.
+fn cell(gathered: &Gathered, row: &GatheredRow, column: Column) -> String {
+    match column {
+        Column::Key(k) => in_words(&row.values[k]),
+        Column::Camera if row.camera.is_empty() => "-".to_owned(),
+        Column::Camera => row.camera.clone(),
+        Column::Repeats => row.units.len().to_string(),
+        Column::Figure(k) => {
+            let (Some(spread), figure) = (row.figures[k], &gathered.figures[k]) else {
                 return "-".to_owned();
             };
             let deviation = spread.deviation.map(|deviation| format!(" ± {}", number(figure, deviation)));
             number(figure, spread.mean) + &deviation.unwrap_or_default()
-        });
-        let camera = if row.camera.is_empty() { "-".to_owned() } else { row.camera.clone() };
-        let cells = row.values.iter().map(in_words).chain([camera, row.units.len().to_string()]).chain(cells);
-        let cells = cells.chain(has_statuses.then(|| row.status.clone()));
-        table.row(cells.map(|cell| plain::line(&cell).into_owned()));
+        }
+        Column::Status => row.status.clone(),
     }
-    table.text()
 }
