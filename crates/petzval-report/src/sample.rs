@@ -98,6 +98,7 @@ pub(crate) fn scores() -> Vec<Score> {
         unit: unit.into(),
         decimals,
         higher_is_better: true,
+        leads: title == "PSNR",
     };
     vec![score("1 − LPIPS", "", 4), score("PSNR", "dB", 2), score("SSIM", "", 4)]
 }

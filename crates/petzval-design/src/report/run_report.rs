@@ -28,7 +28,7 @@ use crate::run::{
 use crate::run_progress::{self, is_scored, moved_part};
 use crate::setup::Setup;
 use crate::validation::VALIDATION;
-use petzval_learn::score::ScoreDescription;
+use petzval_learn::score::{ScoreDescription, leading_score};
 use petzval_report::design_report::{
     CameraView, Change, LossCurve, MadeCamera, MadeCameras, MadeScore, OneSeed, PsfView, Report, Score,
     ShortRun, TableRow,
@@ -174,7 +174,7 @@ fn gathered(
         title: e.name.clone(),
         subtitle: String::new(),
         command_line: String::new(),
-        scores: metrics.scores.iter().map(score).collect(),
+        scores: view_of_scores(&metrics.scores),
         table: metrics.rows.iter().map(|m| row(&metrics.scores, m)).collect(),
         cameras,
         layout_fields_deg: layout_fields_deg.to_vec(),
@@ -377,13 +377,16 @@ fn row(scores: &[ScoreDescription], m: &CameraMetrics) -> TableRow {
     }
 }
 
-fn score(of: &ScoreDescription) -> Score {
-    Score {
+fn view_of_scores(scores: &[ScoreDescription]) -> Vec<Score> {
+    let leading = leading_score(scores.iter().map(|score| score.name.as_str()));
+    let score = |(i, of): (usize, &ScoreDescription)| Score {
         title: of.title.clone(),
         unit: of.unit.clone(),
         decimals: of.decimals,
         higher_is_better: of.higher_is_better,
-    }
+        leads: i == leading,
+    };
+    scores.iter().enumerate().map(score).collect()
 }
 
 /// What moved of a camera's exposure and of its hardware ISP, before and after.

@@ -15,7 +15,7 @@ mod standard;
 pub use objects::{
     Field, ObjectScore, confusion, draws_of, judged, object_scores, range_of, range_of_difference,
 };
-pub use standard::{STANDARD_SCORES, standard_scores};
+pub use standard::{STANDARD_SCORES, leading_score, standard_scores};
 
 use burn::prelude::*;
 use petzval_camera::image::LinearImage;

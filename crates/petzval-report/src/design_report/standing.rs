@@ -93,9 +93,9 @@ pub(super) fn places(pictures: &[HeldOutScores]) -> Vec<Place> {
     places
 }
 
-/// The score by which cameras are compared: the first with a unit, whose size a reader knows; else the first.
-pub(super) fn leading_score(scores: &[Score]) -> usize {
-    scores.iter().position(|score| !score.unit.is_empty()).unwrap_or(0)
+/// The score by which cameras are compared in words: the one that is marked, else the first.
+fn leading_score(scores: &[Score]) -> usize {
+    scores.iter().position(|score| score.leads).unwrap_or(0)
 }
 
 /// The camera that scores highest, and those that it is compared with, as places in [`Report::table`].
@@ -264,6 +264,14 @@ mod tests {
         let standing = Standing::of(&report).unwrap();
         assert_eq!([standing.best, standing.subject], [0, 1]);
         assert_eq!(standing.lead(2, 0).unwrap().0, 0);
+    }
+
+    #[test]
+    fn the_first_score_leads_where_none_is_marked_though_another_has_a_unit() {
+        let mut report = sample::report();
+        assert_eq!(Standing::of(&report).unwrap().about().title, "PSNR");
+        report.scores.iter_mut().for_each(|score| score.leads = false);
+        assert_eq!(Standing::of(&report).unwrap().about().title, "1 − LPIPS");
     }
 
     #[test]

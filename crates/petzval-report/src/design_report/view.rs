@@ -180,6 +180,8 @@ pub struct Score {
     pub decimals: usize,
     /// Whether larger values are better.
     pub higher_is_better: bool,
+    /// Whether cameras are compared by it in words; the first score is, where none is marked.
+    pub leads: bool,
 }
 
 /// Scores of one camera, means over the held-out pictures; NaN if not measured.
