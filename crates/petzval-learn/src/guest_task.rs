@@ -80,10 +80,18 @@ impl GuestTask {
         Ok(apply(Arc::new(known), [finished.into_dispatch()]))
     }
 
-    /// Each score of one finished picture against what it should be.
+    /// Each score of one finished picture against what it should be. Fails if the object leaves one out, or gives one that its class does not
+    /// declare.
     pub fn score(&self, finished: Tensor<4>, target: Tensor<4>) -> Result<BTreeMap<String, f64>, GuestError> {
         const METHOD: &str = "score";
         let answer = self.compare(METHOD, finished, target)?;
+        let is_declared = |name: &str| self.scores.iter().any(|score| score.name == name);
+        let mut given = answer.value.as_object().into_iter().flat_map(Map::keys);
+        if let Some(name) = given.find(|name| !is_declared(name)) {
+            let hint = "declare it in `scores` of the class, or leave it out";
+            let problem = format!("gives `{name}`, a score that the class does not declare; hint: {hint}");
+            return Err(self.object.wrong(METHOD, problem));
+        }
         let score = |description: &ScoreDescription| {
             let name = &description.name;
             let value = answer.value.get(name).unwrap_or(&Value::Null);
@@ -215,6 +223,12 @@ mod tests {
         assert!(refused.contains("`tasks:Square.loss` gives the loss no number"), "{refused}");
         let refused = broken.score(picture(3.0), picture(1.0)).unwrap_err().to_string();
         assert!(refused.contains("`tasks:Square.score` gives as `error` no number"), "{refused}");
+        let undeclared = task(1.0, json!({"scores": {}})).unwrap();
+        let refused = undeclared.score(picture(3.0), picture(1.0)).unwrap_err().to_string();
+        assert!(
+            refused.contains("`tasks:Square.score` gives `error`, a score that the class does not declare; hint: declare it"),
+            "{refused}"
+        );
         let unstated = task(1.0, json!({"scores": {"error": {"unit": "DN"}}})).err().unwrap().to_string();
         assert!(
             unstated.contains("higher_is_better") && unstated.contains("tasks:Square.scores"),

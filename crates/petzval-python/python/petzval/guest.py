@@ -127,4 +127,4 @@ class Task(Protocol):
         """
 
     def score(self, pictures: NDArray[np.float32], targets: NDArray[np.float32]) -> Mapping[str, float]:
-        """Each of `scores` for one finished picture, ``[1, 3, y, x]``. That of a camera is the mean over its pictures."""
+        """Each of `scores`, and no other, for one finished picture, ``[1, 3, y, x]``. That of a camera is the mean over its pictures."""
