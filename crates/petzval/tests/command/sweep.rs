@@ -244,6 +244,14 @@ fn a_sweep_of_a_job_is_run_here_gathered_and_a_failed_unit_run_again() {
         &["--y lens: the values of this key are no numbers"],
     );
 
+    // What a retry of one unit ends with is that unit's, whatever the others do.
+    let retry = ["sweep", "s.toml", "--store", "one", "--retry", "lens=single"];
+    let one = run_ok(folder.path(), &retry);
+    assert!(one.stdout.starts_with("1 done, 1 waiting\n") && !one.says("has a result"), "{one:?}");
+    let again = run_ok(folder.path(), &retry);
+    assert!(again.says("lens=single: has a result already"), "{again:?}");
+    assert!(again.stdout.starts_with("1 done, 1 waiting\n"), "{again:?}");
+
     // Each unit has a folder of its own: the sweep names none.
     let psfs = "job = \"psf\"\n[request]\nlens = \"cooke-triplet-nominal\"\n[grid]\ngrid = [16, 32]\n";
     write(folder.path(), "p.toml", psfs);

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use crate::base::{Cancel, pasted};
 use crate::units::store::Seen;
-use crate::units::sweep::{KeptSweep, State, log_of, status, units_file};
+use crate::units::sweep::{KeptSweep, State, SweepStatus, UnitStatus, log_of, status, units_file};
 
 use super::super::code::Code;
 use super::super::failure::Failure;
@@ -20,6 +20,13 @@ pub struct Options {
     pub again: Vec<String>,
 }
 
+impl Options {
+    /// Whether these processes are to run a unit.
+    fn takes(&self, unit: &UnitStatus) -> bool {
+        self.again.is_empty() || self.again.contains(&unit.name)
+    }
+}
+
 /// Between two looks at the processes.
 const LOOK: Duration = Duration::from_millis(200);
 
@@ -28,6 +35,9 @@ const LOOKS: u32 = 25;
 
 /// Runs the units. A signal is passed on to the processes, which end with their checkpoints.
 pub fn run(kept: &KeptSweep, root: &Path, options: &Options, stop: &Cancel) -> Result<Code, Failure> {
+    if !options.again.is_empty() {
+        note_finished(&status(kept, root, &mut Seen::default(), &Cancel::default())?, options);
+    }
     let mut running = Vec::new();
     for place in 0..options.jobs {
         running.push(start(kept, root, options, place)?);
@@ -77,11 +87,18 @@ pub fn run(kept: &KeptSweep, root: &Path, options: &Options, stop: &Cancel) -> R
     }
     Ok(if is_stopped || stop.is_set() {
         Code::STOPPED
-    } else if done == status.units.len() {
+    } else if status.units.iter().filter(|unit| options.takes(unit)).all(|unit| unit.state == State::Done) {
         Code::SUCCESS
     } else {
         Code::FAILURE
     })
+}
+
+/// Says which of the named units are finished: nothing is run for them.
+fn note_finished(status: &SweepStatus, options: &Options) {
+    for unit in status.units.iter().filter(|unit| options.takes(unit) && unit.state == State::Done) {
+        noteln!("{}", plain::message(&format!("{}: has a result already, which stays", unit.name)));
+    }
 }
 
 /// Exit code of a process that was stopped by a signal.
