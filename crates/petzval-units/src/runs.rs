@@ -1,6 +1,7 @@
 //! All runs below a folder in one table, and all units of the stores there.
 
-use std::collections::HashSet;
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, HashSet};
 use std::fs::{self, FileType};
 use std::path::{Path, PathBuf};
 
@@ -48,6 +49,33 @@ pub struct UnitRow {
     /// Its run, if its job is a design that has begun.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub run: Option<RunRow>,
+}
+
+impl Runs {
+    /// The keys in which the runs of each title differ, in the order in which they are shown. A key with more values comes first; of as many, a seed;
+    /// then the one that divides the runs more evenly. So one odd run does not hide the keys in which the others differ.
+    pub fn keys_in_order(&self) -> BTreeMap<&str, Vec<&str>> {
+        let rows = self.runs.iter().chain(self.units.iter().filter_map(|unit| unit.run.as_ref()));
+        let mut titles: BTreeMap<&str, CountedKeys<'_>> = BTreeMap::new();
+        for row in rows {
+            let keys = titles.entry(row.experiment.as_str()).or_default();
+            for (key, value) in &row.differs {
+                *keys.entry(key.as_str()).or_default().entry(value.as_str()).or_default() += 1;
+            }
+        }
+        titles.into_iter().map(|(title, keys)| (title, in_order(keys))).collect()
+    }
+}
+
+/// How many runs have each value of each key.
+type CountedKeys<'r> = BTreeMap<&'r str, BTreeMap<&'r str, usize>>;
+
+/// The keys in the order of [`Runs::keys_in_order`].
+fn in_order(keys: CountedKeys<'_>) -> Vec<&str> {
+    let mut keys: Vec<_> = keys.into_iter().collect();
+    let is_seed = |key: &str| key.rsplit('.').next() == Some("seed");
+    keys.sort_by_key(|(key, counts)| (Reverse(counts.len()), !is_seed(key), counts.values().copied().max()));
+    keys.into_iter().map(|(key, _)| key).collect()
 }
 
 /// Every run and every unit of a store in a folder and below it; a folder that is a run itself is the only row. A damaged run or unit
@@ -211,6 +239,36 @@ mod tests {
     use petzval_jobs::{Silent, built_in_assets};
 
     use super::*;
+
+    /// A run of an experiment that differs in these keys.
+    fn row(differs: &[(&str, &str)]) -> RunRow {
+        let text = |text: &&str| (*text).to_owned();
+        RunRow {
+            run: PathBuf::new(),
+            experiment: "street".to_owned(),
+            state: RunState::Finished,
+            reason: None,
+            step: 0,
+            total: 0,
+            camera: None,
+            scores: Vec::new(),
+            seconds: 0.0,
+            begun: String::new(),
+            differs: differs.iter().map(|(key, value)| (text(key), text(value))).collect(),
+            values: BTreeMap::new(),
+        }
+    }
+
+    #[test]
+    fn an_odd_run_does_not_hide_the_keys_in_which_the_others_differ() {
+        let of = |crop, noise, seed| row(&[("crop", crop), ("noise", noise), ("seed", seed)]);
+        let rows = vec![of("96", "on", "1"), of("96", "off", "1"), of("96", "on", "2"), of("64", "off", "1")];
+        let mut runs = Runs { runs: rows, ..Runs::default() };
+        assert_eq!(runs.keys_in_order()["street"], ["seed", "noise", "crop"]);
+        // Three values are more than two of a seed.
+        runs.runs[1].differs.insert("noise".to_owned(), "low".to_owned());
+        assert_eq!(runs.keys_in_order()["street"], ["noise", "seed", "crop"]);
+    }
 
     #[test]
     fn links_are_followed_one_level_and_never_in_circles() {

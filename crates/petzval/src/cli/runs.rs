@@ -1,5 +1,6 @@
 //! `petzval runs`: all runs below a folder in one table.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -60,6 +61,7 @@ fn in_words(runs: &Runs, args: &Args) -> String {
     if runs.runs.is_empty() && runs.units.is_empty() {
         return format!("no runs in {}\n", shown(&args.dir));
     }
+    let keys = runs.keys_in_order();
     let mut table = TextTable::new(["run", "state", "step", "time", "scores", "differs in"]);
     let mut reasons = String::new();
     for row in &runs.runs {
@@ -68,7 +70,7 @@ fn in_words(runs: &Runs, args: &Args) -> String {
         if let Some(reason) = &row.reason {
             reasons += &format!("{name}: {reason}\n");
         }
-        table.row([name, state, steps(row), time(row.seconds), scores(row), differs(row)]);
+        table.row([name, state, steps(row), time(row.seconds), scores(row), differs(row, &keys)]);
     }
     for unit in &runs.units {
         // A store that cannot be read has no units.
@@ -87,7 +89,7 @@ fn in_words(runs: &Runs, args: &Args) -> String {
             run.map_or_else(none, steps),
             seconds.map_or_else(none, time),
             run.map_or_else(none, scores),
-            run.map_or_else(String::new, differs),
+            run.map_or_else(String::new, |run| differs(run, &keys)),
         ]);
     }
     table.text() + &reasons
@@ -140,9 +142,11 @@ fn scores(row: &RunRow) -> String {
     }
 }
 
-fn differs(row: &RunRow) -> String {
-    let named: Vec<String> =
-        row.differs.iter().take(NAMED).map(|(key, value)| format!("{key}={value}")).collect();
+/// The keys in which a run differs from others of its title, with its values, in their order.
+fn differs(row: &RunRow, keys: &BTreeMap<&str, Vec<&str>>) -> String {
+    let keys = keys.get(row.experiment.as_str()).into_iter().flatten();
+    let named = keys.filter_map(|key| Some(format!("{key}={}", row.differs.get(*key)?)));
+    let named: Vec<String> = named.take(NAMED).collect();
     match row.differs.len().saturating_sub(NAMED) {
         0 => named.join(" "),
         more => format!("{} and {more} more", named.join(" ")),
