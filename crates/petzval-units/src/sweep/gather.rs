@@ -103,7 +103,7 @@ pub enum Column {
     Key(usize),
     /// The camera.
     Camera,
-    /// Of a row the number of its units; of a unit its seed, which tells it from the others of its row.
+    /// Of a row the number of its units; of a unit its seed, which differs within a row.
     Repeats,
     /// A figure, by its place.
     Figure(usize),
