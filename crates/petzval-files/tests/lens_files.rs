@@ -685,6 +685,39 @@ fn semi_diameters_that_a_file_leaves_out_follow_from_the_fields() {
     assert!(written.file.lens == import.file.lens);
 }
 
+/// The outermost beam meets the first surface of the plate at 12.28 mm.
+#[test]
+fn open_surfaces_keep_a_stated_size_that_holds_the_beams() {
+    let stated = |mm: &str| {
+        let plate = format!("glass = \"N-BK7\"\nsemi_diameter_mm = {mm}\nopen = true\n");
+        let import = parse_lens_start(&PLATE.replace("glass = \"N-BK7\"\n", &plate), &catalog()).unwrap();
+        assert!(import.losses.is_empty(), "{:?}", import.losses);
+        import.file.lens.surfaces[1].semi_diameter_mm
+    };
+    assert_eq!([stated("12.3"), stated("15.0")], [12.3, 15.0]);
+    // One that does not hold them gives way to the beams and their room.
+    let [small, large] = [stated("12.0"), stated("0.1")];
+    assert!(small == large && (12.4..12.7).contains(&small), "{small} {large}");
+}
+
+/// An optimised lens stands on the limit of its edges: there is no room around its beams of 9.9 mm, but for the stated size. The spheres meet
+/// at 9.95 mm.
+#[test]
+fn a_lens_on_the_limit_of_its_edges_keeps_its_stated_sizes() {
+    let text = "name = \"edge\"\nunits = \"mm\"\n[aperture]\nentrance_pupil_diameter_mm = 19.8\n[wavelengths]\num = [0.5876]\n\
+                [fields]\nangle_deg = [0.0]\n[[surface]]\nstop = true\nradius_mm = inf\nthickness_mm = 1.0\n\
+                [[surface]]\nradius_mm = 50.0\nthickness_mm = 2.0\nglass = \"N-BK7\"\nsemi_diameter_mm = 9.93\nopen = true\n\
+                [[surface]]\nradius_mm = -50.0\nthickness_mm = 48.0\nsemi_diameter_mm = 9.93\nopen = true\n";
+    let semis = |import: &Import| [1, 2].map(|i: usize| import.file.lens.surfaces[i].semi_diameter_mm);
+    let import = parse_lens_start(text, &catalog()).unwrap();
+    assert_eq!(semis(&import), [9.93; 2]);
+    assert!(import.losses.is_empty(), "{:?}", import.losses);
+    // Surfaces that cross within their stated size are made smaller, with a message.
+    let import = parse_lens_start(&text.replace("9.93", "9.97"), &catalog()).unwrap();
+    assert!(semis(&import).iter().all(|mm| (9.89..9.91).contains(mm)), "{:?}", semis(&import));
+    assert!(import.losses[0].message.contains("surfaces end or cross"), "{:?}", import.losses);
+}
+
 /// Light of fields that the file does not name passes surfaces without an edge; a stated edge of the same size cuts it.
 #[test]
 fn surfaces_without_an_edge_cut_no_light() {

@@ -42,7 +42,8 @@ pub fn with_open_surfaces(
 
 /// The lens with clear semi-diameters everywhere.
 ///
-/// Surfaces without an edge are made large enough for their beams, and as large as the file prints if that lens is possible.
+/// Surfaces without an edge have the size that the file prints if it holds their beams and that lens is possible; others are made large
+/// enough for their beams.
 /// Surfaces that cannot be as large as the beams narrow them. A lens that cannot be built even then comes with the reason. Fails where a
 /// surface ends within its edge.
 pub(super) fn with_semi_diameters(
@@ -56,15 +57,20 @@ pub(super) fn with_semi_diameters(
         let flaw = validate(&lens).err();
         return Ok((lens, flaw));
     }
-    // Try the printed size with room for the beams, then room for the beams, then the beams alone.
+    // Keep a printed size that holds the beams; other surfaces have room around them, or none. Then try without the printed sizes.
     let heights = beam_heights(&lens, clears);
     let roomy = |i: usize| heights[i] * (1.0 + ROOM) + SOFT_EDGE_MM;
-    let open: [&dyn Fn(usize, f64) -> f64; 3] =
-        [&|i, printed| printed.max(roomy(i)), &|i, _| roomy(i), &|i, _| heights[i]];
+    let holds = |i: usize, printed: f64| printed >= heights[i].max(SOFT_EDGE_MM);
+    let open: [&dyn Fn(usize, f64) -> f64; 4] = [
+        &|i, printed| if holds(i, printed) { printed } else { roomy(i) },
+        &|i, printed| if holds(i, printed) { printed } else { heights[i] },
+        &|i, _| roomy(i),
+        &|i, _| heights[i],
+    ];
     for (attempt, semi) in open.iter().enumerate() {
         let lens = filled(&lens, clears, semi);
         if validate(&lens).is_ok() {
-            if attempt > 0 && clears.iter().enumerate().any(|(i, clear)| is_cut(*clear, semi(i, 0.0))) {
+            if attempt > 1 && clears.iter().enumerate().any(|(i, clear)| is_cut(*clear, semi(i, 0.0))) {
                 let message = "surfaces end or cross within their printed semi-diameters, which lose no light; \
                                they are made as large as the beams";
                 losses.add(0, "", Effect::Approximated, message);
