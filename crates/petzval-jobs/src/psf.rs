@@ -22,6 +22,7 @@ use crate::error::{JobError, Result, make_folder, write_file};
 use crate::event::WarningKind;
 use crate::input::LensInput;
 use crate::lens::focus::focus_elsewhere;
+use crate::lens::where_lost;
 use crate::range::check_ranges;
 use crate::results::{check_folder, what_is};
 
@@ -248,7 +249,12 @@ fn computed(request: &Request, lens: &Lens, plan: &PsfPlan, context: &Context) -
     };
     let no_light = |error: DesignError| match error {
         DesignError::NoLight { field_deg } => {
-            JobError::input(error.to_string(), beyond(field_deg).unwrap_or_else(|| of_grid.clone()))
+            let lost = || {
+                let lost = where_lost(lens, field_deg.to_radians())?;
+                Some(format!("{lost}; try a smaller --corner-mm"))
+            };
+            let hint = beyond(field_deg).or_else(lost).unwrap_or_else(|| of_grid.clone());
+            JobError::input(error.to_string(), hint)
         }
         // Here the corner is an option, and the hint of the error is for sensors.
         DesignError::OutsideTheImage { .. } => {

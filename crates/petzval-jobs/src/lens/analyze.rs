@@ -12,6 +12,7 @@ use serde::Serialize;
 
 use super::analysis_csv::TABLES;
 use super::focus::{FocusAt, check_image, focused, out_of_focus};
+use super::where_lost;
 use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, Result, make_folder, write_file};
@@ -241,13 +242,17 @@ impl Prepared {
         };
         analyze(lens, options, &tick).map_err(|error| match error {
             AnalysisError::Stopped(cancelled) => cancelled.into(),
-            error => JobError::input(
-                format!("{name}: {error}"),
-                format!(
-                    "`petzval lens show {}` says where light is lost; or leave that field out",
-                    pasted(Path::new(name))
-                ),
-            ),
+            AnalysisError::NoChiefRay { field_deg, .. } | AnalysisError::NoLight { field_deg } => {
+                let lost = where_lost(lens, field_deg.to_radians());
+                let cause = lost.map_or_else(String::new, |lost| format!(": {lost}"));
+                JobError::input(
+                    format!("{name}: {error}{cause}"),
+                    format!(
+                        "`petzval lens show {}` says where light is lost; or leave that field out",
+                        pasted(Path::new(name))
+                    ),
+                )
+            }
         })
     }
 }

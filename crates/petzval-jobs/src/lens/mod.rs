@@ -6,6 +6,7 @@ pub mod convert;
 pub mod edit;
 pub mod focus;
 pub mod list;
+mod lost;
 pub mod optimize;
 pub mod show;
 pub mod tolerance;
@@ -13,3 +14,4 @@ pub mod trace;
 pub mod view;
 
 pub use focus::FocusAt;
+pub(crate) use lost::where_lost;

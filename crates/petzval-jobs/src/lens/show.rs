@@ -5,14 +5,14 @@ use petzval_files::lens_toml::special_lines;
 use petzval_optics::analysis::{Cone, first_order_table, leaves_parallel};
 use petzval_optics::lens::{Action, Lens, ObjectDistance};
 use petzval_optics::paraxial::{FirstOrder, first_order};
-use petzval_optics::pupil::{PupilRefinement, Quadrature, Refined, paraxial_launch, trace_beam};
+use petzval_optics::pupil::{PupilRefinement, Quadrature, Refined, trace_beam};
 use petzval_optics::seidel::seidel_total;
 use petzval_optics::spot::{FieldSpot, PrintedSpot, spot_converged, spot_paraxial_pupil};
-use petzval_optics::trace::{Fate, launch, trace_ray};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::focus::{FocusAt, focused, out_of_focus};
+use super::where_lost;
 use crate::context::Context;
 use crate::error::{JobError, Result};
 use crate::finite::finite;
@@ -264,8 +264,9 @@ fn spots(name: &str, lens: &Lens) -> Result<Vec<Spots>> {
     let of_field = |field_deg: &f64| {
         let field = field_deg.to_radians();
         let real_stop = spot_converged(lens, field, &SPOTS).ok_or_else(|| {
+            let cause = where_lost(lens, field).map_or_else(String::new, |lost| format!(": {lost}"));
             JobError::input(
-                format!("{name}: at {field_deg} degrees no ray reaches the image{}", where_lost(lens, field)),
+                format!("{name}: at {field_deg} degrees no ray reaches the image{cause}"),
                 "a surface is missed, or a clear semi-diameter blocks the whole beam",
             )
         })?;
@@ -282,21 +283,6 @@ fn axis_spot(lens: &Lens, spots: &[Spots]) -> Option<FieldSpot> {
     match known.and_then(|i| spots.get(i)) {
         Some(spots) => Some(spots.real_stop.value.clone()),
         None => Some(spot_converged(lens, 0.0, &SPOTS)?.value),
-    }
-}
-
-/// Where the ray through the centre of the paraxial pupil ends, if it does.
-fn where_lost(lens: &Lens, field_rad: f64) -> String {
-    let sequence = lens.at_wavelength(lens.reference_um);
-    let at = paraxial_launch(&first_order(&sequence), &sequence, field_rad, [0.0; 2]);
-    let path = trace_ray(&sequence, launch(&sequence, field_rad, at).ray);
-    match path.fate {
-        Fate::Missed(i) => format!(": the ray through the middle of the pupil misses surface {}", i + 1),
-        Fate::TotalReflection(i) => {
-            format!(": no light passes surface {}, by total reflection or an evanescent order", i + 1)
-        }
-        Fate::Clipped(i) => format!(": the middle of the pupil is clipped at surface {}", i + 1),
-        Fate::Ok | Fate::NotAimed => String::new(),
     }
 }
 

@@ -69,6 +69,23 @@ fn a_fisheye_is_shown_traced_and_analysed_at_92_degrees() {
     assert_eq!(curve.last().unwrap().as_f64(), Some(-100.0));
 }
 
+/// At wide fields the paraxial ray is another ray: here it misses surface 2, and the real beam ends at the edge of surface 4.
+#[test]
+fn lost_light_is_followed_by_the_ray_through_the_middle_of_the_stop() {
+    let folder = tempfile::tempdir().unwrap();
+    write_fisheye(folder.path(), "fisheye.toml", "inf", 92.0);
+    let text = std::fs::read_to_string(folder.path().join("fisheye.toml")).unwrap();
+    let cut = text.replace("semi_diameter_mm = 8.48", "semi_diameter_mm = 5.0");
+    assert_ne!(cut, text);
+    std::fs::write(folder.path().join("cut.toml"), cut).unwrap();
+    let needles = ["degrees no", "the ray through the middle of the stop is clipped at surface 4"];
+    for verb in ["show", "analyze"] {
+        run_fails(folder.path(), &["lens", verb, "cut.toml"], 2, &needles);
+    }
+    let needles = ["no light", "help: the ray through the middle of the stop is clipped"];
+    run_fails(folder.path(), &["psf", "cut.toml", "--out", "psf"], 2, &needles);
+}
+
 #[test]
 fn fields_that_no_object_can_have_are_refused() {
     let folder = tempfile::tempdir().unwrap();
