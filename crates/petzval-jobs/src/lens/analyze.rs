@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use super::analysis_csv::TABLES;
 use super::focus::{FocusAt, check_image, focused, out_of_focus};
-use super::where_lost;
+use super::lost::where_lost;
 use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, Result, make_folder, write_file};

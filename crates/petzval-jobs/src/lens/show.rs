@@ -12,7 +12,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::focus::{FocusAt, focused, out_of_focus};
-use super::where_lost;
+use super::lost::where_lost;
 use crate::context::Context;
 use crate::error::{JobError, Result};
 use crate::finite::finite;
