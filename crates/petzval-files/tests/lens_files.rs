@@ -10,8 +10,8 @@ use std::sync::Arc;
 use common::special_lenses;
 use petzval_base::FileError;
 use petzval_files::{
-    Effect, Expect, Expected, ExpectedSpots, LensFile, parse_lens, parse_lens_start, parse_seq, parse_zmx,
-    write_lens, write_seq, write_zmx,
+    Effect, Expect, Expected, ExpectedSpots, Import, LensFile, parse_lens, parse_lens_start, parse_seq,
+    parse_zmx, write_lens, write_seq, write_zmx,
 };
 use petzval_optics::design_space::{EflSolve, MagnificationSolve, Pickup, Variable};
 use petzval_optics::glass::{Catalog, Dispersion, Glass};
