@@ -30,7 +30,8 @@ const MOST_WHITE_DN: f64 = 1e8;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct FrameOptions {
-    /// Sensor: a built-in name, the path of a file, or the sensor itself; none means the built-in sensor that the sidecar names, if any.
+    /// Sensor: a built-in name, the path of a file, or the sensor itself; none means the built-in sensor that the sidecar names, if any. What
+    /// the calibration of a frame states counts before it.
     pub sensor: Option<SensorInput>,
     /// Digital number of white light in a green pixel; none means that of the calibration, else the level of saturation.
     pub white_dn: Option<f64>,
@@ -269,17 +270,11 @@ fn read_exposure(
     };
     let (Some(bits), Some(cfa), true) = (info.bits, info.cfa, is_black_known) else { return Err(missing()) };
     let calibration = source.calibration(info)?;
-    // A sensor that is named is the one that counts.
-    let calibration = match &options.sensor {
-        Some(_) => FrameCalibration { response: None, saturation: None, noise: None, ..calibration },
-        None => calibration,
-    };
     let sensor = sensor_of(info, options, &context.assets)?;
-    if sensor.is_none() && (calibration.response.is_none() || calibration.noise.is_none()) {
-        context.warning(WarningKind::RawFrame, format!(
-            "{}: the sensor is unknown: its noise and its answer to white light are assumed; --sensor names it",
-            path.display()
-        ));
+    if sensor.is_none() {
+        warn_of_assumed(&calibration, path, context);
+    } else if options.sensor.is_some() {
+        note_what_counts(&calibration, path, context);
     }
     let highest = (1_u32 << bits) - 1;
     let highest =
@@ -336,10 +331,11 @@ fn read_exposure(
                 .map_err(|e| JobError::input(format!("{}: {e}", path.display()), ""))?;
             // The model of a sensor knows nothing of numbers that its converter does not make, or that saturate below it.
             let is_below = info.white_level_dn.is_some_and(|stated| full_dn < stated);
-            let saturation = if info.companding.is_some() || bits > sensor.bits || is_below {
-                saturation(about.response)
-            } else {
-                about.saturation
+            let is_by_levels = info.companding.is_some() || bits > sensor.bits || is_below;
+            let saturation = match calibration.response {
+                Some(response) => saturation(response),
+                None if is_by_levels => saturation(about.response),
+                None => about.saturation,
             };
             FrameData { black_dn, white_dn, saturation, ..about }
         }
@@ -379,6 +375,43 @@ fn read_exposure(
     }
     let frame = RawInput { height: raw.height, width: raw.width, dn, bits: bits.max(8), cfa, about };
     Ok((frame, exposure))
+}
+
+/// Warns of what is assumed of a frame whose sensor is unknown: what its calibration does not state.
+fn warn_of_assumed(calibration: &FrameCalibration, path: &Path, context: &Context) {
+    let open = [
+        ("its noise", calibration.noise.is_none()),
+        ("its answer to white light", calibration.response.is_none()),
+    ];
+    let open: Vec<&str> = open.iter().filter(|(_, is)| *is).map(|(what, _)| *what).collect();
+    if !open.is_empty() {
+        let verb = if open.len() == 1 { "is" } else { "are" };
+        context.warning(
+            WarningKind::RawFrame,
+            format!(
+                "{}: the sensor is unknown: {} {verb} assumed; --sensor names it",
+                path.display(),
+                open.join(" and ")
+            ),
+        );
+    }
+}
+
+/// Says what the calibration of a frame states that a sensor by name has, too. The calibration was measured on this camera, and counts.
+fn note_what_counts(calibration: &FrameCalibration, path: &Path, context: &Context) {
+    let stated = [
+        ("response", calibration.response.is_some()),
+        ("saturation", calibration.saturation.is_some()),
+        ("noise", calibration.noise.is_some()),
+    ];
+    let stated: Vec<&str> = stated.iter().filter(|(_, is)| *is).map(|(key, _)| *key).collect();
+    if !stated.is_empty() {
+        context.note(format!(
+            "{}: its calibration counts before --sensor, in {}; remove what the sensor should give",
+            path.display(),
+            stated.join(", ")
+        ));
+    }
 }
 
 /// Mean and tile of black levels, one or one for each pixel of the mosaic's tile.
@@ -532,4 +565,76 @@ fn sensor_of(info: &RawInfo, options: &FrameOptions, assets: &Library) -> Result
         }
     }
     Ok(None)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::{Arc, Mutex};
+
+    use super::*;
+    use crate::event::{Event, Watcher};
+
+    /// Keeps warnings and notes.
+    #[derive(Default)]
+    struct Lines(Mutex<Vec<String>>);
+
+    impl Watcher for Lines {
+        fn event(&self, event: &Event) {
+            self.0.lock().unwrap().push(event.to_string());
+        }
+    }
+
+    /// What an ISP knows of a frame with this calibration, and what was said.
+    fn read_with(calibration: &str, sensor: Option<&str>) -> (FrameData, Vec<String>) {
+        let info = RawInfo {
+            bits: Some(12),
+            cfa: Some("RGGB".parse().unwrap()),
+            black_level_dn: Some(64.0),
+            white_level_dn: Some(4095.0),
+            ..RawInfo::default()
+        };
+        let frame = RawFrame { height: 16, width: 16, dn: (0..256).map(|i| 200 + 7 * i).collect(), info };
+        let calibration = FrameCalibration::from_toml(calibration).unwrap();
+        let raw = RawInMemory { name: "frame", frame: &frame, calibration: Some(&calibration) };
+        let options = FrameOptions { sensor: sensor.map(Into::into), ..FrameOptions::default() };
+        let lines = Arc::new(Lines::default());
+        let context = Context::new(crate::built_in_assets(), lines.clone());
+        let read = frame_in_memory(raw, &options, &context).unwrap();
+        let said = lines.0.lock().unwrap().clone();
+        (read.about, said)
+    }
+
+    const RESPONSE: &str = "response = [0.5, 1.0, 0.6]\n";
+    const NOISE: &str = "[noise]\nshot = 1e-3\nread = 1e-5\n";
+
+    #[test]
+    fn only_what_the_calibration_leaves_open_is_assumed_with_a_warning() {
+        for (calibration, wanted) in [
+            (String::new(), Some("its noise and its answer to white light are assumed")),
+            (RESPONSE.to_owned(), Some("unknown: its noise is assumed")),
+            (NOISE.to_owned(), Some("unknown: its answer to white light is assumed")),
+            (format!("{RESPONSE}{NOISE}"), None),
+        ] {
+            let (_, said) = read_with(&calibration, None);
+            let found = said.iter().find(|line| line.contains("the sensor is unknown"));
+            assert_eq!(found.is_some(), wanted.is_some(), "{calibration}: {said:?}");
+            assert!(wanted.is_none_or(|wanted| found.unwrap().contains(wanted)), "{said:?}");
+        }
+    }
+
+    #[test]
+    fn a_calibration_counts_before_the_sensor_that_a_call_names() {
+        let name = Some("imx249-fitted");
+        let (sensor, said) = read_with("", name);
+        assert!(said.iter().all(|line| !line.contains("--sensor")), "{said:?}");
+        let (both, said) = read_with(RESPONSE, name);
+        assert_eq!(both.response, [0.5, 1.0, 0.6]);
+        assert_eq!(both.noise, sensor.noise);
+        // Green saturates first, at the white level, which is white.
+        assert!((both.saturation - 1.0).abs() < 1e-9, "{}", both.saturation);
+        assert!(said.iter().any(|line| line.contains("counts before --sensor, in response;")), "{said:?}");
+        let (both, said) = read_with(NOISE, name);
+        assert_eq!((both.response, both.noise), (sensor.response, NoiseProfile { shot: 1e-3, read: 1e-5 }));
+        assert!(said.iter().any(|line| line.contains("counts before --sensor, in noise;")), "{said:?}");
+    }
 }
