@@ -36,6 +36,12 @@ pub(super) struct Checkpoint {
     pub search: Evolution,
     /// Its generations so far.
     pub history: Vec<Generation>,
+    /// Settings that failed so far.
+    #[serde(default)]
+    pub failed: usize,
+    /// Settings that failed since the last one that did not.
+    #[serde(default)]
+    pub failed_in_a_row: usize,
     /// Time so far, s.
     pub seconds: f64,
 }
@@ -48,8 +54,11 @@ pub struct Generation {
     pub generation: u64,
     /// Settings tried so far.
     pub evaluations: usize,
-    /// Its best score.
-    pub best_of_generation: f64,
+    /// Its best score; none if every setting failed.
+    pub best_of_generation: Option<f64>,
+    /// Settings of it at which the ISP failed: they count as the worst.
+    #[serde(default)]
+    pub failed: usize,
     /// The best score so far.
     pub best: f64,
     /// Widest standard deviation of the search, as a share of the ranges.
@@ -72,6 +81,8 @@ impl Checkpoint {
             start: None,
             search,
             history: Vec::new(),
+            failed: 0,
+            failed_in_a_row: 0,
             seconds: 0.0,
         }
     }

@@ -267,6 +267,15 @@ fn short_name(full: &str) -> &str {
 /// Short names of scores.
 const SHORT: [(&str, &str); 2] = [("psnr", "psnr_db"), ("lpips", "one_minus_lpips")];
 
+/// Settings in a row whose failures end the search.
+const MOST_FAILED_IN_A_ROW: usize = 10;
+
+/// The score of a setting, or why the ISP failed at it.
+type Scored = std::result::Result<f64, String>;
+
+/// The picture of a frame, or why there is none.
+type Developed = std::result::Result<RgbPicture, IspError>;
+
 /// Everything that a search needs and does not change.
 struct Tuner<'a> {
     named: NamedIsp,
@@ -347,11 +356,14 @@ impl Tuner<'_> {
     fn tune(&self, budget: usize, folder: &TuneFolder, kept: &mut Checkpoint) -> Result<Response> {
         let sign = if self.score.higher_is_better() { 1.0 } else { -1.0 };
         if kept.start.is_none()
-            && let Some(scores) = self.scores(std::slice::from_ref(&self.base))?
+            && let Some(mut scores) = self.scores(std::slice::from_ref(&self.base))?
+            && let Some(score) = scores.pop()
         {
-            kept.start = Some(scores[0]);
+            let hint = "run the ISP at these values, and mend it or begin at others with --set";
+            kept.start = Some(score.map_err(|reason| self.failed_at(&self.base, &reason, hint))?);
             self.keep(folder, kept)?;
         }
+        let mut is_kept = true;
         while let Some(start) = kept.start
             && 1 + kept.search.evaluations() + kept.search.population() <= budget
             && !self.context.is_cancelled()
@@ -361,18 +373,29 @@ impl Tuner<'_> {
             let points: Vec<Vec<f64>> = kept.search.ask().iter().map(|point| self.values(point)).collect();
             // A generation that is interrupted is made again from the same state.
             let Some(scores) = self.scores(&points)? else { break };
-            kept.search.tell(&scores.iter().map(|score| -sign * score).collect::<Vec<_>>());
+            let failed = self.count_failures(&points, &scores, folder, kept)?;
+            // What is no number counts as the worst.
+            let values = scores.iter().map(|score| score.as_ref().map_or(f64::NAN, |score| -sign * score));
+            kept.search.tell(&values.collect::<Vec<_>>());
             kept.seconds += clock.elapsed().as_secs_f64();
-            let best = scores.iter().copied().fold(f64::NEG_INFINITY, |a, b| a.max(sign * b));
+            let best = scores.iter().flatten().map(|score| sign * score).reduce(f64::max);
             kept.history.push(Generation {
                 generation: kept.search.generation(),
                 evaluations: 1 + kept.search.evaluations(),
-                best_of_generation: sign * best,
+                best_of_generation: best.map(|best| sign * best),
+                failed,
                 best: self.best(kept).0,
                 deviation: kept.search.deviation(),
                 restarts: kept.search.restarts(),
                 seconds: kept.seconds,
             });
+            // Where every setting failed, the ISP itself may be broken: once it is mended, the search goes on from before that.
+            is_kept = failed < points.len();
+            if is_kept {
+                self.keep(folder, kept)?;
+            }
+        }
+        if !is_kept {
             self.keep(folder, kept)?;
         }
         let Some(start) = kept.start else {
@@ -405,6 +428,60 @@ impl Tuner<'_> {
             tuned: folder.tuned(),
             history: folder.history(),
         })
+    }
+
+    /// Counts the settings of a generation at which the ISP failed, and warns of them. Fails once too many failed in a row.
+    fn count_failures(
+        &self,
+        points: &[Vec<f64>],
+        scores: &[Scored],
+        folder: &TuneFolder,
+        kept: &mut Checkpoint,
+    ) -> Result<usize> {
+        let (mut failed, mut first) = (0, None);
+        for (values, score) in points.iter().zip(scores) {
+            let Err(reason) = score else {
+                kept.failed_in_a_row = 0;
+                continue;
+            };
+            failed += 1;
+            kept.failed_in_a_row += 1;
+            first = first.or(Some((values, reason)));
+            if kept.failed_in_a_row >= MOST_FAILED_IN_A_ROW {
+                let hint = format!(
+                    "{MOST_FAILED_IN_A_ROW} settings in a row failed; run the ISP at these values and mend it, then go on with `petzval isp tune \
+                     --resume {}`",
+                    folder.root().display()
+                );
+                return Err(self.failed_at(values, reason, &hint));
+            }
+        }
+        kept.failed += failed;
+        if let Some((values, reason)) = first {
+            self.context.warning(
+                WarningKind::LeftOut,
+                format!(
+                    "generation {}: {failed} of {} settings failed and count as the worst, {} since the search began; first at {}: {reason}",
+                    kept.search.generation() + 1,
+                    points.len(),
+                    kept.failed,
+                    self.varied(values)
+                ),
+            );
+        }
+        Ok(failed)
+    }
+
+    /// The error of an ISP at a setting.
+    fn failed_at(&self, values: &[f64], reason: &str, hint: &str) -> JobError {
+        JobError::failed(format!("{reason}; at {}; hint: {hint}", self.varied(values)))
+    }
+
+    /// The values of the varied parameters in words.
+    fn varied(&self, values: &[f64]) -> String {
+        let named =
+            self.places.iter().map(|i| format!("{} = {}", self.named.parameters[*i].name, values[*i]));
+        named.collect::<Vec<_>>().join(", ")
     }
 
     /// Score and values of the best settings; those at the start until better ones are found.
@@ -443,11 +520,11 @@ impl Tuner<'_> {
         self.context.progress(1 + kept.search.evaluations() as u64, budget as u64, text);
     }
 
-    /// Mean score of each list of values over all frames; none if the job is cancelled meanwhile.
+    /// Mean score of each list of values over all frames, or why the ISP failed at it; none if the job is cancelled meanwhile.
     ///
     /// Frame after frame, so that only one frame and its pictures are in memory.
-    fn scores(&self, points: &[Vec<f64>]) -> Result<Option<Vec<f64>>> {
-        let mut sums = vec![0.0; points.len()];
+    fn scores(&self, points: &[Vec<f64>]) -> Result<Option<Vec<Scored>>> {
+        let mut sums: Vec<Scored> = vec![Ok(0.0); points.len()];
         for case in &self.cases {
             if self.context.is_cancelled() {
                 return Ok(None);
@@ -455,27 +532,43 @@ impl Tuner<'_> {
             let frame = read_frame(&case.raw, &self.plan.frame, &self.context.silent())?;
             let truth = case.read_reference((frame.height, frame.width))?;
             let isp = self.named.isp();
-            let develop = |values: &Vec<f64>| isp.develop(&frame, values);
-            let pictures: Vec<RgbPicture> = match points.par_iter().map(develop).collect() {
-                Err(IspError::Stopped(_)) => return Ok(None),
-                pictures => pictures.map_err(about_frame(&case.raw))?,
-            };
-            for (sum, picture) in sums.iter_mut().zip(&pictures) {
-                let RgbPicture { height, width, .. } = *picture;
-                if (height, width) != (truth.height, truth.width) {
-                    return Err(JobError::failed(format!(
-                        "{}: the ISP made {height} x {width} pixels, and the reference has {} x {}",
-                        case.raw.display(),
-                        truth.height,
-                        truth.width
-                    )));
+            // A setting that failed on a frame is not tried on the others.
+            let develop =
+                |(values, sum): (&Vec<f64>, &Scored)| sum.is_ok().then(|| isp.develop(&frame, values));
+            let pictures: Vec<Option<Developed>> = points.par_iter().zip(&sums).map(develop).collect();
+            for (sum, picture) in sums.iter_mut().zip(pictures) {
+                match picture {
+                    None => {}
+                    Some(Ok(picture)) => {
+                        let score = self.score_of_picture(picture, &truth, case)?;
+                        if let Ok(sum) = sum {
+                            *sum += score / self.cases.len() as f64;
+                        }
+                    }
+                    Some(Err(IspError::Stopped(_))) => return Ok(None),
+                    Some(Err(error @ IspError::External(_))) => {
+                        *sum = Err(about_frame(&case.raw)(error).to_string());
+                    }
+                    Some(Err(error)) => return Err(about_frame(&case.raw)(error)),
                 }
-                let finished = LinearImage { channels: 3, height, width, data: picture.encoded() };
-                let pair = ScoredPair::new(finished, truth.clone(), &self.device);
-                let score = self.score.of(&pair).map_err(|e| JobError::failed(e.to_string()))?;
-                *sum += score / self.cases.len() as f64;
             }
         }
         Ok(Some(sums))
+    }
+
+    /// The score of a picture of a frame against its reference.
+    fn score_of_picture(&self, picture: RgbPicture, truth: &LinearImage, case: &Case) -> Result<f64> {
+        let RgbPicture { height, width, .. } = picture;
+        if (height, width) != (truth.height, truth.width) {
+            return Err(JobError::failed(format!(
+                "{}: the ISP made {height} x {width} pixels, and the reference has {} x {}",
+                case.raw.display(),
+                truth.height,
+                truth.width
+            )));
+        }
+        let finished = LinearImage { channels: 3, height, width, data: picture.encoded() };
+        let pair = ScoredPair::new(finished, truth.clone(), &self.device);
+        self.score.of(&pair).map_err(|e| JobError::failed(e.to_string()))
     }
 }

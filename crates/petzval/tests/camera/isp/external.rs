@@ -35,10 +35,53 @@ fn an_external_isp_is_shown_tuned_and_its_failure_loses_nothing() {
     let script = std::fs::read(lab.join("external-isp.sh")).unwrap();
     std::fs::write(lab.join("external-isp.sh"), "echo the device is off >&2; exit 4\n").unwrap();
     let resume = ["isp", "tune", "--resume", "out", "--evaluations", "43", "--json"];
-    run_fails(folder.path(), &resume, 1, &["the device is off", "exit status: 4", "Ten-line ISP"]);
+    let says = ["the device is off", "exit status: 4", "Ten-line ISP", "tone.gain = ", "--resume out"];
+    run_fails(folder.path(), &resume, 1, &says);
+    assert_eq!(read_json(&folder.path().join("out/history.json")).as_array().unwrap().len(), 5);
     std::fs::write(lab.join("external-isp.sh"), script).unwrap();
     let more = run_ok(folder.path(), &resume).json();
     assert!(more["evaluations"].as_u64().unwrap() > 31);
+}
+
+#[cfg(unix)]
+#[test]
+fn settings_at_which_an_external_isp_fails_count_as_the_worst() {
+    let folder = tempfile::tempdir().unwrap();
+    write_raws(&folder.path().join("raws"));
+    let lab = folder.path().join("lab");
+    std::fs::create_dir(&lab).unwrap();
+    let book = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../book/src/examples");
+    std::fs::copy(book.join("external-isp.toml"), lab.join("external-isp.toml")).unwrap();
+    let fails =
+        "if awk '/tone.gain/ { exit !($3 < 0.9) }' \"$1/frame.toml\"; then echo too dark >&2; exit 4; fi";
+    let script = format!("{fails}\n{}", read(&book.join("external-isp.sh")));
+    std::fs::write(lab.join("external-isp.sh"), script).unwrap();
+    let isp = ["--isp", "lab/external-isp.toml"];
+    let develop =
+        ["isp", "develop", "raws/left.tiff", "raws/right.tiff", "--bits", "16", "--out", "reference"];
+    run_ok(folder.path(), &[&develop[..], &isp, &["--set", "tone.gain=1.6"]].concat());
+
+    let tune =
+        |more: &[&str]| [&["isp", "tune", "raws", "--reference", "reference"], &isp[..], more].concat();
+    let whole = run_ok(folder.path(), &tune(&["--evaluations", "13", "--out", "whole"]));
+    for words in ["count as the worst", "first at tone.gain = 0.", "too dark", "exit status: 4"] {
+        assert!(whole.says(words), "{words}: {}", whole.stderr);
+    }
+    let generations = read_json(&folder.path().join("whole/history.json"));
+    assert!(generations[0]["failed"].as_u64().unwrap() > 0, "{generations}");
+    // In two parts it is the same search.
+    run_ok(folder.path(), &tune(&["--evaluations", "7", "--out", "parts"]));
+    run_ok(folder.path(), &["isp", "tune", "--resume", "parts", "--evaluations", "13"]);
+    let tuned = |name: &str| read(&folder.path().join(name).join("tuned.toml"));
+    assert_eq!(tuned("parts"), tuned("whole"));
+
+    // Without a start there is nothing to be better than.
+    let dark = tune(&["--set", "tone.gain=0.5", "--out", "dark"]);
+    let dark = common::run(folder.path(), &dark);
+    assert_eq!(dark.code, Some(1), "{}", dark.stderr);
+    for words in ["too dark", "at tone.gain = 0.5, tone.gamma = 2.2", "run the ISP at these values"] {
+        assert!(dark.says(words), "{words}: {}", dark.stderr);
+    }
 }
 
 /// Writes an external ISP that hangs after so many calls, with a process of its own.
