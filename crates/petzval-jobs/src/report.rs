@@ -9,7 +9,7 @@ use petzval_design::report::run_report::read_metrics;
 use petzval_design::run::picture_names::whole_name;
 use petzval_design::run::{DigestCheck, RunFolder, write_file};
 use petzval_design::setup::Setup;
-use petzval_files::{encoded_png_bytes, load_image};
+use petzval_files::encoded_png_bytes;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -18,6 +18,7 @@ use crate::context::Context;
 use crate::error::Result;
 use crate::evaluate::camera_of;
 use crate::event::WarningKind;
+use crate::noted_pictures::NotedPictures;
 use crate::run_figures::check_figures;
 use crate::run_page::{warn_of_changed_config, write};
 use crate::simulate::Place;
@@ -65,7 +66,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
 /// Takes a photograph over the whole sensor by every camera, and keeps the scene and the frames in the run folder.
 fn take_whole_frames(setup: &Setup, folder: &RunFolder, photo: &Path, context: &Context) -> Result<()> {
     let sensor = &setup.body.sensor;
-    let light = load_image(photo).map_err(DesignError::from)?.light;
+    let light = NotedPictures::new(context).light(photo).map_err(DesignError::from)?;
     let scene = Place::Fill.lay(&light, (sensor.height, sensor.width));
     let encoded = LinearImage { data: scene.to_srgb(), ..scene.clone() };
     let mut frames = vec![(whole_name(None), encoded)];

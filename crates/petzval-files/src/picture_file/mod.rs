@@ -5,6 +5,7 @@ mod error;
 mod exr_file;
 mod head;
 mod ignored;
+mod notes;
 mod size;
 
 use std::io::Cursor;
@@ -22,6 +23,7 @@ pub(crate) use self::error::{MOST_PICTURE_BYTES, damaged, undecoded};
 pub(crate) use self::head::PictureHead;
 use self::head::{OLD_HDR, decoder_limits};
 use self::ignored::{hdr_notes, png_notes, profile_note, tiff_notes, webp_notes};
+pub use self::notes::PictureNotes;
 pub(crate) use self::size::{check_decodes, head_of, picture_head};
 pub use self::size::{is_picture_turned, picture_size};
 

@@ -9,7 +9,7 @@ use petzval_camera::image::LinearImage;
 use petzval_design::error::DesignError;
 use petzval_design::experiment::SCENE;
 use petzval_files::raw_file::RawFrame;
-use petzval_files::{ImageError, encoded_png_bytes, load_image};
+use petzval_files::{ImageError, encoded_png_bytes};
 use petzval_report::side_by_side::{View, page};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -18,6 +18,7 @@ use self::cameras::Chosen;
 use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, Result, make_folder, write_file};
+use crate::noted_pictures::NotedPictures;
 use crate::results::{check_distinct, check_folder};
 
 pub use self::cameras::{Cameras, Finished, Taking};
@@ -115,11 +116,13 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     if request.images.iter().any(|image| is_raw(image)) {
         cameras.check_see_frames()?;
     }
+    let reader = NotedPictures::new(context);
     let subjects = request
         .images
         .iter()
-        .map(|path| subject(path, request.place, &cameras, context))
+        .map(|path| subject(path, request.place, &cameras, &reader, context))
         .collect::<Result<Vec<_>, _>>()?;
+    drop(reader);
 
     make_folder(&request.out)?;
     let (mut pictures, mut pages, mut others) = (Vec::new(), Vec::new(), Vec::new());
@@ -219,11 +222,17 @@ fn check_there(images: &[PathBuf]) -> Result<()> {
 }
 
 /// Reads a photograph, laid on the sensor, or a raw frame that fits the sensor.
-fn subject(path: &Path, place: Place, cameras: &Cameras, context: &Context) -> Result<Subject> {
+fn subject(
+    path: &Path,
+    place: Place,
+    cameras: &Cameras,
+    pictures: &NotedPictures<'_>,
+    context: &Context,
+) -> Result<Subject> {
     if is_raw(path) {
         return Ok(Subject::Raw(Box::new(raw_frame(path, cameras.sensor())?)));
     }
-    let light = load_image(path).map_err(DesignError::from)?.light;
+    let light = pictures.light(path).map_err(DesignError::from)?;
     let frame = (cameras.sensor().height, cameras.sensor().width);
     if let Some(note) = place.note(&light, frame) {
         context.note(format!("{}: {note}", path.display()));

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
+use petzval_files::CheckedPictures;
 use petzval_files::coco::{Annotation, Attribute, Defect, Loaded, Severity, Statistics, load_coco};
-use petzval_files::{CheckedPictures, load_image};
 use petzval_learn::dataset::Classes;
 use petzval_report::data_sheet::{DataSheet, DefectRow, Sample, SampleBox, page};
 use schemars::JsonSchema;
@@ -17,6 +17,7 @@ use crate::context::Context;
 use crate::error::{JobError, Result, make_folder, write_file};
 use crate::event::WarningKind;
 use crate::input::ExperimentInput;
+use crate::noted_pictures::NotedPictures;
 use crate::range::check_ranges;
 use crate::results::check_folder;
 
@@ -135,14 +136,14 @@ fn samples(loaded: &Loaded, most: usize, context: &Context) -> Result<Vec<Sample
         chosen.sort_unstable();
         chosen.dedup();
     }
-    let mut samples = Vec::new();
+    let (mut samples, pictures) = (Vec::new(), NotedPictures::new(context));
     for (k, &i) in chosen.iter().enumerate() {
         let image = &data.images[i];
         context.progress(k as u64 + 1, chosen.len() as u64, "samples");
         context.check(|| "stopped before the page was written")?;
         let Some(path) = loaded.picture(&image.file_name) else { continue };
-        let light = match load_image(&path) {
-            Ok(picture) => picture.light,
+        let light = match pictures.light(&path) {
+            Ok(light) => light,
             Err(error) => {
                 context.warning(WarningKind::UnreadablePicture, error.to_string());
                 continue;

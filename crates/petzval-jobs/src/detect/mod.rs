@@ -14,7 +14,7 @@ use petzval_design::task::objects::boxes::with_boxes;
 use petzval_files::coco::{
     self, ANNOTATIONS, Bounds, Category, DataSet, Image, load_coco, save_coco, save_results,
 };
-use petzval_files::{CheckedPictures, PICTURE_ENDINGS, encoded_png_bytes, is_picture_turned, load_image};
+use petzval_files::{CheckedPictures, PICTURE_ENDINGS, encoded_png_bytes, is_picture_turned};
 use petzval_learn::dataset::{List, PictureFile, in_classes, own_categories, taken_as};
 use petzval_learn::detection::{Detection, detect_in};
 use schemars::JsonSchema;
@@ -33,6 +33,7 @@ use crate::context::Context;
 use crate::data::check_pictures_in;
 use crate::error::{JobError, Result, Stopped, make_folder, write_file};
 use crate::event::WarningKind;
+use crate::noted_pictures::NotedPictures;
 use crate::range::check_ranges;
 use crate::results::check_folder;
 
@@ -141,9 +142,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut earlier = request.out.as_deref().map(drawn_pictures).unwrap_or_default();
     let (count, mut surest) = (looked.len(), None::<f32>);
+    let reader = NotedPictures::new(context);
     let outcome = looked.into_iter().enumerate().try_for_each(|(i, Looked { file, mut image })| {
         context.check(|| format!("stopped after {i} of {count} pictures"))?;
-        let encoded = match encoded(&file, finder.camera.as_ref()) {
+        let encoded = match encoded(&file, finder.camera.as_ref(), &reader) {
             Ok((encoded, is_turned)) => {
                 // Boxes are of the picture as it is shown. Other pictures need no such word.
                 image.turned = is_turned.then_some(true);
@@ -255,11 +257,15 @@ fn drawn_pictures(folder: &Path) -> BTreeSet<PathBuf> {
 }
 
 /// A picture as a detector sees it, sRGB-encoded, and whether EXIF has turned it; a raw frame developed by the camera.
-fn encoded(file: &Path, camera: Option<&Camera>) -> Result<(LinearImage, bool)> {
+fn encoded(
+    file: &Path,
+    camera: Option<&Camera>,
+    pictures: &NotedPictures<'_>,
+) -> Result<(LinearImage, bool)> {
     Ok(match camera.filter(|_| is_raw(file)) {
         Some(camera) => (developed(camera, &raw_frame(file, &camera.body().sensor)?)?, false),
         None => {
-            let light = load_image(file).map_err(DesignError::from)?.light;
+            let light = pictures.light(file).map_err(DesignError::from)?;
             let is_turned = is_picture_turned(file).map_err(DesignError::from)?;
             (LinearImage { data: light.to_srgb(), ..light }, is_turned)
         }

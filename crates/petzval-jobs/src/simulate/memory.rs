@@ -6,12 +6,11 @@ use std::path::Path;
 use petzval_camera::image::LinearImage;
 use petzval_camera::psf::PsfBank;
 use petzval_design::error::DesignError;
-use petzval_files::load_image;
 
 use super::request::{Kind, Request, kind};
 use crate::context::Context;
 use crate::error::{JobError, Result};
-use crate::event::WarningKind;
+use crate::noted_pictures::NotedPictures;
 use crate::pixels::{check_picture, check_psfs};
 
 /// Photographs and PSFs in memory.
@@ -52,10 +51,6 @@ impl<'a> InMemory<'a> {
         if let Some((_, photo)) = self.photos.iter().find(|(name, _)| path == Path::new(name)) {
             return Ok(Cow::Borrowed(*photo));
         }
-        let picture = load_image(path).map_err(DesignError::from)?;
-        for note in picture.notes {
-            context.warning(WarningKind::Picture, format!("{}: {note}", path.display()));
-        }
-        Ok(Cow::Owned(picture.light))
+        Ok(Cow::Owned(NotedPictures::new(context).light(path).map_err(DesignError::from)?))
     }
 }

@@ -1,13 +1,12 @@
 //! Photographs: the built-in ones, or those of a folder, a list or tar shards.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
 use petzval_base::{FileError, counted};
 use petzval_camera::image::LinearImage;
 use petzval_camera::sensor::{Colour, SensorModel};
-use petzval_files::load_image_bytes;
+use petzval_files::{PictureNotes, load_image_bytes};
 use petzval_learn::dataset::{
     CropPlan, DatasetError, FoundPhotos, List, Photo, PhotoSearch, PhotoSet, PhotoSplit, PictureFile,
     READ_AT_ONCE, find_photos,
@@ -158,19 +157,11 @@ impl Photographs {
                 counted(self.not_scored, if trains { "further held-out picture" } else { "further picture" });
             all.push(Remark::Note(format!("not scored, by `scoring.pictures`: {further}")));
         }
-        // One line for each note, with the first picture.
-        let mut noted: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+        let mut noted = PictureNotes::default();
         for (name, note) in &self.notes {
-            noted.entry(note).or_default().push(name);
+            noted.add(name, [note]);
         }
-        all.extend(noted.into_iter().map(|(note, names)| {
-            let others = match names.len() - 1 {
-                0 => String::new(),
-                1 => " and another picture".to_owned(),
-                n => format!(" and {n} other pictures"),
-            };
-            Remark::Warning(format!("{}{others}: {note}", names[0]))
-        }));
+        all.extend(noted.clauses().into_iter().map(Remark::Warning));
         all
     }
 

@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 
 use petzval_camera::image::LinearImage;
 use petzval_design::error::DesignError;
+use petzval_files::PICTURE_ENDINGS;
 use petzval_files::raw_file::{Sidecar, holds_digital_numbers, sidecar_path};
-use petzval_files::{PICTURE_ENDINGS, load_image};
 use sha2::{Digest, Sha256};
 
 use super::plan::Plan;
 use crate::error::{JobError, Result};
 use crate::named_isp::NamedIsp;
+use crate::noted_pictures::NotedPictures;
 
 /// A raw frame and its reference.
 pub(super) struct Case {
@@ -33,8 +34,12 @@ const PICTURE_SUFFIXES: [&str; 2] = ["-developed", "-isp"];
 
 impl Case {
     /// The reference, sRGB-encoded, which must have the size of its frame.
-    pub fn read_reference(&self, (height, width): (usize, usize)) -> Result<LinearImage> {
-        let picture = load_image(&self.reference).map_err(DesignError::Image)?.light;
+    pub fn read_reference(
+        &self,
+        (height, width): (usize, usize),
+        pictures: &NotedPictures<'_>,
+    ) -> Result<LinearImage> {
+        let picture = pictures.light(&self.reference).map_err(DesignError::Image)?;
         if (picture.height, picture.width) != (height, width) {
             let message = format!(
                 "{}: {} x {} pixels, and {} has {height} x {width}",

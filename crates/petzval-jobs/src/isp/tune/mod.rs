@@ -26,6 +26,7 @@ use crate::context::Context;
 use crate::error::{JobError, Result, Stopped};
 use crate::event::WarningKind;
 use crate::named_isp::{NamedIsp, about_frame, isp_by_name};
+use crate::noted_pictures::NotedPictures;
 
 pub use self::folder::Generation;
 pub use self::plan::Plan;
@@ -334,9 +335,10 @@ impl Tuner<'_> {
 
     /// Checks every frame and its reference before anything is written.
     fn check_frames(&self) -> Result<()> {
+        let pictures = NotedPictures::new(self.context);
         for case in &self.cases {
             let frame = read_frame(&case.raw, &self.plan.frame, self.context)?;
-            case.read_reference((frame.height, frame.width))?;
+            case.read_reference((frame.height, frame.width), &pictures)?;
         }
         Ok(())
     }
@@ -524,13 +526,16 @@ impl Tuner<'_> {
     ///
     /// Frame after frame, so that only one frame and its pictures are in memory.
     fn scores(&self, points: &[Vec<f64>]) -> Result<Option<Vec<Scored>>> {
+        // What files say was said when the frames were checked.
+        let silent = self.context.silent();
+        let references = NotedPictures::new(&silent);
         let mut sums: Vec<Scored> = vec![Ok(0.0); points.len()];
         for case in &self.cases {
             if self.context.is_cancelled() {
                 return Ok(None);
             }
-            let frame = read_frame(&case.raw, &self.plan.frame, &self.context.silent())?;
-            let truth = case.read_reference((frame.height, frame.width))?;
+            let frame = read_frame(&case.raw, &self.plan.frame, &silent)?;
+            let truth = case.read_reference((frame.height, frame.width), &references)?;
             let isp = self.named.isp();
             // A setting that failed on a frame is not tried on the others.
             let develop =
