@@ -80,17 +80,8 @@ pub fn load_image_bytes(bytes: &[u8], name: &str) -> Result<Picture, ImageError>
             if is_cut_off(bytes) {
                 return Err(decode(CUT_OFF.to_owned()));
             }
-            let mut notes = match format {
-                Some(ImageFormat::Png) => png_notes(bytes),
-                Some(ImageFormat::Tiff) => tiff_notes(bytes),
-                Some(ImageFormat::WebP) => webp_notes(bytes),
-                _ => Vec::new(),
-            };
             let mut decoder = reader.into_decoder().map_err(undecodable)?;
-            match decoder.icc_profile() {
-                Ok(profile) => notes.extend(profile.and_then(|profile| profile_note(&profile))),
-                Err(error) => notes.push(format!("its ICC profile cannot be read ({error}) and is ignored")),
-            }
+            let mut notes = statements(bytes, format, &mut decoder);
             let head = PictureHead::of(&mut decoder, format, bytes.len() as u64).checked(name)?;
             let Decoded { light, is_linear, transparent } = decoded(decoder, head).map_err(undecodable)?;
             notes.extend(transparent.note(light.height * light.width));
@@ -117,6 +108,21 @@ pub fn load_image_bytes(bytes: &[u8], name: &str) -> Result<Picture, ImageError>
         ));
     }
     Ok(picture)
+}
+
+/// Notes on what a file says about its pixels, before they are decoded.
+fn statements(bytes: &[u8], format: Option<ImageFormat>, decoder: &mut impl ImageDecoder) -> Vec<String> {
+    let mut notes = match format {
+        Some(ImageFormat::Png) => png_notes(bytes),
+        Some(ImageFormat::Tiff) => tiff_notes(bytes),
+        Some(ImageFormat::WebP) => webp_notes(bytes),
+        _ => Vec::new(),
+    };
+    match decoder.icc_profile() {
+        Ok(profile) => notes.extend(profile.and_then(|profile| profile_note(&profile))),
+        Err(error) => notes.push(format!("its ICC profile cannot be read ({error}) and is ignored")),
+    }
+    notes
 }
 
 /// Reads a Radiance HDR file: linear light with a common exponent.

@@ -9,7 +9,7 @@ use ::image::{DynamicImage, ImageFormat, ImageReader};
 use super::cut_off::{CUT_OFF, is_cut_off};
 use super::error::{ImageError, undecoded};
 use super::head::{OLD_HDR, PictureHead, decoder_limits};
-use super::{exr_file, load_image_bytes};
+use super::{exr_file, load_image_bytes, statements};
 
 /// Columns and rows of a picture as [`load_image`](super::load_image) reads it, the right way up. Pixels are not decoded.
 pub fn picture_size(path: &Path) -> Result<(u32, u32), ImageError> {
@@ -65,12 +65,12 @@ pub(crate) fn head_of<R: BufRead + Seek>(
     }
 }
 
-/// Decodes a picture from its first byte to its last: [`load_image_bytes`] does not fail with it. `name` appears in errors.
-pub(crate) fn check_decodes(bytes: &[u8], name: &str) -> Result<(), ImageError> {
+/// Decodes a picture from its first byte to its last: [`load_image_bytes`] does not fail with it. Gives its notes. `name` appears in errors.
+pub(crate) fn check_decodes(bytes: &[u8], name: &str) -> Result<Vec<String>, ImageError> {
     let format = ::image::guess_format(bytes).ok();
     // The samples of the two common kinds are numbers in any case: turning them into light would take most of the time.
     if !matches!(format, Some(ImageFormat::Png | ImageFormat::Jpeg)) {
-        return load_image_bytes(bytes, name).map(|_| ());
+        return load_image_bytes(bytes, name).map(|picture| picture.notes);
     }
     let decode = |reason: String| ImageError::Decode { name: name.to_owned(), reason };
     if is_cut_off(bytes) {
@@ -79,7 +79,13 @@ pub(crate) fn check_decodes(bytes: &[u8], name: &str) -> Result<(), ImageError> 
     let mut reader =
         ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| decode(e.to_string()))?;
     reader.limits(decoder_limits());
-    let decoder = reader.into_decoder().map_err(|e| decode(undecoded(&e)))?;
-    DynamicImage::from_decoder(decoder).map_err(|e| decode(undecoded(&e)))?;
-    Ok(())
+    let mut decoder = reader.into_decoder().map_err(|e| decode(undecoded(&e)))?;
+    let notes = statements(bytes, format, &mut decoder);
+    let picture = DynamicImage::from_decoder(decoder).map_err(|e| decode(undecoded(&e)))?;
+    // How many pixels are transparent is counted in light.
+    if picture.color().has_alpha() {
+        drop(picture);
+        return load_image_bytes(bytes, name).map(|picture| picture.notes);
+    }
+    Ok(notes)
 }

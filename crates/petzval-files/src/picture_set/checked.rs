@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::StoredPicture;
-use crate::picture_file::{ImageError, MOST_PICTURE_BYTES, PictureHead};
+use crate::picture_file::{ImageError, MOST_PICTURE_BYTES, PictureHead, PictureNotes};
 
 /// Files that changed so recently may change again without another time: they are checked again.
 const RECENT: Duration = Duration::from_secs(3);
@@ -22,6 +22,8 @@ const RECENT: Duration = Duration::from_secs(3);
 pub struct CheckedPictures {
     known: HashMap<String, Checked>,
     fresh: Mutex<BTreeMap<String, Checked>>,
+    /// What the files of the pictures say that is not obeyed.
+    notes: Mutex<PictureNotes>,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -33,6 +35,9 @@ struct Checked {
     modified_ns: u64,
     /// SHA-256 of the picture, hexadecimal.
     sha256: String,
+    /// What its file says that is not obeyed.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    notes: Vec<String>,
 }
 
 /// The file in which they are kept.
@@ -45,7 +50,7 @@ struct Memory {
 }
 
 /// Version of [`Memory`].
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 impl CheckedPictures {
     /// Those that a file remembers: none if there is no such file, or one that cannot be read.
@@ -55,7 +60,7 @@ impl CheckedPictures {
         let known = memory
             .filter(|memory| memory.version == VERSION)
             .map_or_else(HashMap::new, |memory| memory.pictures.into_iter().collect());
-        Self { known, fresh: Mutex::default() }
+        Self { known, ..Self::default() }
     }
 
     /// Whether anything is to be remembered that was not.
@@ -74,17 +79,26 @@ impl CheckedPictures {
         write_whole(file, &serde_json::to_vec(&Memory { version: VERSION, pictures })?)
     }
 
+    /// What the files of the pictures checked since the last call say that is not obeyed, a clause for each kind.
+    pub fn take_notes(&self) -> Vec<String> {
+        std::mem::take(&mut *self.notes.lock().unwrap_or_else(PoisonError::into_inner)).clauses()
+    }
+
     /// SHA-256 of a picture that is known and has not changed.
     pub fn digest(&self, picture: &StoredPicture) -> Option<String> {
+        self.find(picture).map(|checked| checked.sha256)
+    }
+
+    /// A picture that is known and has not changed.
+    fn find(&self, picture: &StoredPicture) -> Option<Checked> {
         let (name, bytes, modified_ns) = identity(picture)?;
         let is_same = |checked: &&Checked| checked.bytes == bytes && checked.modified_ns == modified_ns;
         let fresh = self.fresh.lock().unwrap_or_else(PoisonError::into_inner);
-        let found = fresh.get(&name).or_else(|| self.known.get(&name)).filter(is_same);
-        found.map(|checked| checked.sha256.clone())
+        fresh.get(&name).or_else(|| self.known.get(&name)).filter(is_same).cloned()
     }
 
     /// Remembers a picture whose identity before it was read is `before`.
-    fn note(&self, picture: &StoredPicture, before: Option<(String, u64, u64)>, sha256: String) {
+    fn note(&self, picture: &StoredPicture, before: Option<Identity>, sha256: String, notes: Vec<String>) {
         let Some((name, bytes, modified_ns)) =
             before.filter(|before| identity(picture).as_ref() == Some(before))
         else {
@@ -92,14 +106,17 @@ impl CheckedPictures {
         };
         let changed = UNIX_EPOCH + Duration::from_nanos(modified_ns);
         if SystemTime::now().duration_since(changed).is_ok_and(|age| age > RECENT) {
-            let checked = Checked { bytes, modified_ns, sha256 };
+            let checked = Checked { bytes, modified_ns, sha256, notes };
             self.fresh.lock().unwrap_or_else(PoisonError::into_inner).insert(name, checked);
         }
     }
 }
 
+/// What tells a picture from others, and from itself after a change.
+type Identity = (String, u64, u64);
+
 /// Absolute path, with the name of a member, size, and time of the last change, nanoseconds. None where the system does not know them.
-fn identity(picture: &StoredPicture) -> Option<(String, u64, u64)> {
+fn identity(picture: &StoredPicture) -> Option<Identity> {
     let path = std::path::absolute(picture.path()).ok()?;
     let modified = path.metadata().ok()?.modified().ok()?.duration_since(UNIX_EPOCH).ok()?;
     let path = path.to_str()?;
@@ -154,21 +171,37 @@ pub(crate) fn checked_heads(
     let done = Tally::default();
     let pairs: Vec<_> = pictures.iter().zip(heads).collect();
     let heads = in_batches(&pairs, &bytes, |(picture, head)| {
-        let head = match (picture, head) {
-            (Some(picture), Some(Ok(head))) if remembered.digest(picture).is_some() => Some(Ok(*head)),
-            (Some(picture), Some(Ok(_))) => {
-                let before = identity(picture);
-                Some(picture.decoded().map_err(UnreadPicture::from).map(|(head, digest)| {
-                    remembered.note(picture, before, digest);
-                    head
-                }))
-            }
-            (_, head) => head.clone(),
+        let found = match (picture, head) {
+            (Some(picture), Some(Ok(head))) => match remembered.find(picture) {
+                Some(checked) => (Some(Ok(*head)), checked.notes),
+                None => decoded(picture, remembered),
+            },
+            (_, head) => (head.clone(), Vec::new()),
         };
         done.add(1, |done| watch(done as usize))?;
-        Ok(head)
+        Ok(found)
     })?;
+    // In the order of the pictures, whichever was decoded first.
+    let (heads, notes): (Vec<Head>, Vec<Vec<String>>) = heads.into_iter().unzip();
+    let mut all = remembered.notes.lock().unwrap_or_else(PoisonError::into_inner);
+    for (picture, notes) in pictures.iter().zip(&notes) {
+        if let Some(picture) = picture {
+            all.add(&picture.name, notes);
+        }
+    }
     Ok((heads, true))
+}
+
+/// The head of a picture and its notes, decoded as a whole and remembered.
+fn decoded(picture: &StoredPicture, remembered: &CheckedPictures) -> (Head, Vec<String>) {
+    let before = identity(picture);
+    match picture.decoded() {
+        Ok((head, digest, notes)) => {
+            remembered.note(picture, before, digest, notes.clone());
+            (Some(Ok(head)), notes)
+        }
+        Err(error) => (Some(Err(error.into())), Vec::new()),
+    }
 }
 
 /// Columns and rows of a picture, the right way up, or why it cannot be read.
@@ -227,6 +260,35 @@ mod tests {
         let ranges = batches(&values, 10);
         assert_eq!(ranges, [0..3, 3..4, 4..5, 5..9, 9..10]);
         assert_eq!(batches(&[], 10).iter().map(Range::len).collect::<Vec<_>>(), [0]);
+    }
+
+    #[test]
+    fn notes_are_of_all_pictures_also_of_known_ones() {
+        let root = tempfile::TempDir::new().unwrap();
+        let file = |name: &str, negative: usize| {
+            let mut light = LinearImage::filled(3, 4, 6, 0.5);
+            light.data[..negative].fill(-1.0);
+            let path = root.path().join(name);
+            crate::save_exr(&light, &path).unwrap();
+            let old = SystemTime::now() - Duration::from_secs(60);
+            std::fs::File::options().write(true).open(&path).unwrap().set_modified(old).unwrap();
+            StoredPicture::file(path)
+        };
+        let pictures = [file("a.exr", 0), file("b.exr", 2), file("c.exr", 5)];
+        let memory = root.path().join("memory.json");
+        let check = |remembered: &CheckedPictures| {
+            check_stored(&pictures, remembered, &|_| Ok(())).unwrap();
+            remembered.take_notes()
+        };
+        let first = CheckedPictures::default();
+        let notes = check(&first);
+        assert_eq!(notes.len(), 1, "{notes:?}");
+        let wanted = "b.exr and another picture: 2 of its 72 values are negative, down to -1, and taken as 0";
+        assert!(notes[0].ends_with(wanted), "{notes:?}");
+        first.write(&memory).unwrap();
+        let second = CheckedPictures::read(&memory);
+        assert_eq!(check(&second), notes);
+        assert!(!second.has_fresh() && second.take_notes().is_empty());
     }
 
     #[test]

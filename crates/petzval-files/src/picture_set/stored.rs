@@ -122,12 +122,12 @@ impl StoredPicture {
         head_of(BufReader::new(part), bytes, &name)?.checked(&name)
     }
 
-    /// Its head and its SHA-256, hexadecimal, where it can be decoded from its first byte to its last.
-    pub(crate) fn decoded(&self) -> Result<(PictureHead, String), ImageError> {
+    /// Its head, its SHA-256, hexadecimal, and what its file says that is not obeyed, where it can be decoded from its first byte to its last.
+    pub(crate) fn decoded(&self) -> Result<(PictureHead, String, Vec<String>), ImageError> {
         let head = self.head()?;
         let bytes = self.bytes()?;
-        check_decodes(&bytes, &self.display())?;
-        Ok((head, hex_digest(&bytes)))
+        let notes = check_decodes(&bytes, &self.display())?;
+        Ok((head, hex_digest(&bytes), notes))
     }
 
     /// The name of a member in its shard; none of a file.

@@ -121,6 +121,8 @@ fn classes_of(experiment: &ExperimentInput, context: &Context) -> Result<Classes
 
 /// Pictures with boxes, evenly over the data set; the last is the one with the most.
 fn samples(loaded: &Loaded, most: usize, context: &Context) -> Result<Vec<Sample>> {
+    // What files say was said when they were checked.
+    let silent = context.silent();
     let data = &loaded.data;
     let objects = data.objects_of_images();
     let with_boxes: Vec<usize> = (0..data.images.len()).filter(|i| !objects[*i].is_empty()).collect();
@@ -136,7 +138,7 @@ fn samples(loaded: &Loaded, most: usize, context: &Context) -> Result<Vec<Sample
         chosen.sort_unstable();
         chosen.dedup();
     }
-    let (mut samples, pictures) = (Vec::new(), NotedPictures::new(context));
+    let (mut samples, pictures) = (Vec::new(), NotedPictures::new(&silent));
     for (k, &i) in chosen.iter().enumerate() {
         let image = &data.images[i];
         context.progress(k as u64 + 1, chosen.len() as u64, "samples");

@@ -11,6 +11,7 @@ use petzval_files::coco::{CocoError, Loaded, PictureCheck, check_pictures_by};
 
 use crate::context::Context;
 use crate::error::{JobError, Result};
+use crate::event::WarningKind;
 
 pub use petzval_files::coco::convert::SourceFormat;
 pub use petzval_files::coco::{ClassStatistics, Defect, Severity, Statistics};
@@ -30,7 +31,16 @@ pub(crate) fn check_pictures_in(
         context.cancel().check()
     };
     let how = PictureCheck { most_light_bytes: u64::MAX, remembered };
-    Ok(check_pictures_by(loaded, &how, &watch).map(|_| ())?)
+    let checked = check_pictures_by(loaded, &how, &watch);
+    warn_of_notes(remembered, context);
+    Ok(checked.map(|_| ())?)
+}
+
+/// Warns of what the files of checked pictures say that is not obeyed.
+fn warn_of_notes(checked: &CheckedPictures, context: &Context) {
+    for clause in checked.take_notes() {
+        context.warning(WarningKind::Picture, clause);
+    }
 }
 
 impl From<CocoError> for JobError {

@@ -8,6 +8,7 @@ use petzval_files::coco::{DataSet, DefectKind, Defects, Image, Loaded, has_annot
 use petzval_files::{CheckedPictures, StoredPicture, check_stored, digests_of_alike, stored_pictures};
 use petzval_learn::dataset::DatasetError;
 
+use super::warn_of_notes;
 use crate::context::Context;
 use crate::error::Result;
 
@@ -43,6 +44,7 @@ pub(super) fn checked(
         context.cancel().check()
     };
     let sizes = check_stored(pictures, remembered, &watch)?;
+    warn_of_notes(remembered, context);
     let digests = digests(pictures, remembered, context)?;
     let (mut data, mut defects) = (DataSet::default(), Defects::default());
     let mut first: HashMap<String, &str> = HashMap::new();

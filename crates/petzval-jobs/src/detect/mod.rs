@@ -142,7 +142,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut earlier = request.out.as_deref().map(drawn_pictures).unwrap_or_default();
     let (count, mut surest) = (looked.len(), None::<f32>);
-    let reader = NotedPictures::new(context);
+    // What files of a data set say was said when they were checked.
+    let silent = context.silent();
+    let reader = NotedPictures::new(if request.data.is_some() { &silent } else { context });
     let outcome = looked.into_iter().enumerate().try_for_each(|(i, Looked { file, mut image })| {
         context.check(|| format!("stopped after {i} of {count} pictures"))?;
         let encoded = match encoded(&file, finder.camera.as_ref(), &reader) {

@@ -104,10 +104,11 @@ impl LabelledPictures {
         let trains = purpose != Purpose::Scores;
         let mut loaded = load_coco(folder, cancel)?;
         loaded.check_form()?;
-        let how = PictureCheck { most_light_bytes: READ_AT_ONCE, remembered: &CheckedPictures::default() };
+        let checked = CheckedPictures::default();
+        let how = PictureCheck { most_light_bytes: READ_AT_ONCE, remembered: &checked };
         let are_decoded = check_pictures_by(&mut loaded, &how, &|_| cancel.check())?;
         loaded.check_form()?;
-        let mut notes = Vec::new();
+        let mut notes = checked.take_notes();
         let data = &loaded.data;
         let objects = data.objects_of_images();
         let sequences = sequences(&data.images);
