@@ -124,7 +124,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         check_folder(out, ["detections.json", ANNOTATIONS], context)?;
     }
     let raw = looked.iter().map(|l| &l.file).find(|file| is_raw(file));
-    let finder = finder(&request.detector, raw, &device, &request.accept_changed, context)?;
+    let mut finder = finder(&request.detector, raw, &device, &request.accept_changed, context)?;
     let detector = finder.detector.as_ref();
     if let (Some(place), Some(data)) = (&request.data, &labelled) {
         warn_of_training_pictures(&finder, place, data, &looked, context);
@@ -138,6 +138,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     // What is wrong with the classes was said of the boxes inside.
     let whole =
         whole.and_then(|(data, boxes)| Some((in_classes_of(&finder, data, &context.silent()).ok()?, boxes)));
+    // Weights know their classes by number alone.
+    if let (None, Some(data)) = (&finder.taken, &labelled) {
+        take_names(&mut finder.classes, &data.categories);
+    }
     let (mut pictures, mut results, mut images, mut unread) =
         (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut earlier = request.out.as_deref().map(drawn_pictures).unwrap_or_default();
@@ -237,6 +241,16 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         ));
     }
     Ok(Response { pictures, unread, out: request.out.clone(), scores })
+}
+
+/// Gives classes that have numbers, from 1 on, the names that categories have for these.
+fn take_names(classes: &mut [String], categories: &[Category]) {
+    for category in categories {
+        let place = usize::try_from(category.id).ok().and_then(|id| id.checked_sub(1));
+        if let Some(class) = place.and_then(|place| classes.get_mut(place)) {
+            class.clone_from(&category.name);
+        }
+    }
 }
 
 /// Gives objects and detections the ids of other categories: class `c`, which has the number `c + 1`, is of `categories[c]`.
@@ -492,6 +506,15 @@ fn files(images: &[PathBuf], detector: &Source) -> Result<Vec<PathBuf>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn classes_without_names_take_those_of_the_data_set() {
+        let mut classes: Vec<String> = (1..=4).map(|class| class.to_string()).collect();
+        let category = |id: u64, name: &str| Category { id, name: name.to_owned(), ..Category::default() };
+        let categories = [category(2, "v"), category(4, "p"), category(0, "none"), category(9, "far")];
+        take_names(&mut classes, &categories);
+        assert_eq!(classes, ["1", "v", "3", "p"]);
+    }
 
     #[test]
     fn pictures_for_training_are_known_by_the_list_of_the_run() {
