@@ -8,7 +8,9 @@ use png::{BitDepth, ColorType, Transformations};
 use tiff::decoder::{Decoder, DecodingResult};
 use tiff::tags::{PhotometricInterpretation, Tag};
 
-use crate::picture_file::{CUT_OFF, ImageError, damaged, encode, head_of, is_cut_off, picture_bytes};
+use crate::picture_file::{
+    CUT_OFF, ImageError, damaged, encode, format_of, head_of, is_cut_off, picture_bytes,
+};
 
 /// What the samples of a TIFF file mean: 0 is white.
 const WHITE_IS_ZERO: u32 = 0;
@@ -39,10 +41,10 @@ pub fn load_label_image(path: &Path) -> Result<LabelImage, ImageError> {
     let mut bytes = picture_bytes(path)?;
     make_palette_gray(&mut bytes);
     check_head(&bytes, &name)?;
-    let read = match ::image::guess_format(&bytes) {
-        Ok(ImageFormat::Png) if is_cut_off(&bytes) => Err(CUT_OFF.to_owned()),
-        Ok(ImageFormat::Png) => read_png(&bytes),
-        Ok(ImageFormat::Tiff) => read_tiff(&bytes),
+    let read = match format_of(&bytes) {
+        Some(ImageFormat::Png) if is_cut_off(&bytes) => Err(CUT_OFF.to_owned()),
+        Some(ImageFormat::Png) => read_png(&bytes),
+        Some(ImageFormat::Tiff) => read_tiff(&bytes),
         _ => Err("it is neither a PNG nor a TIFF file".to_owned()),
     };
     read.map_err(|reason| ImageError::NoLabels { name, reason })

@@ -88,6 +88,9 @@ pub enum ImageError {
     },
 }
 
+/// The reason of a file that no decoder knows.
+pub(crate) const NO_FORMAT: &str = "it is of no format that is read";
+
 /// How the reason begins for a file of a known format whose content is wrong.
 const DAMAGED: &str = "the file is damaged";
 
@@ -113,7 +116,7 @@ pub(crate) fn undecoded(error: &::image::ImageError) -> String {
     if let ::image::ImageError::Unsupported(unsupported) = error
         && let UnsupportedErrorKind::Color(ExtendedColorType::Unknown(bits)) = unsupported.kind()
     {
-        return format!("it has pixels of {bits} bits of a kind that is not read, such as gray floats");
+        return format!("it has pixels of {bits} bits of a kind that is not read");
     }
     // An I/O error is the decoder's error itself or one of its causes.
     let is_end = |io: &std::io::Error| io.kind() == std::io::ErrorKind::UnexpectedEof;

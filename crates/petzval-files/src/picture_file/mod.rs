@@ -3,27 +3,32 @@
 mod cut_off;
 mod error;
 mod exr_file;
+mod gray_floats;
 mod head;
 mod ignored;
 mod notes;
+mod open;
 mod size;
 
 use std::io::Cursor;
 use std::path::Path;
 
 use ::image::codecs::hdr::HdrDecoder;
-use ::image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageFormat, ImageReader};
+use ::image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageFormat};
 
 use petzval_base::write_whole;
 use petzval_camera::image::{CHANNELS, LinearImage, srgb_decode};
 
 pub(crate) use self::cut_off::{CUT_OFF, is_cut_off};
 pub use self::error::ImageError;
+use self::error::NO_FORMAT;
 pub(crate) use self::error::{MOST_PICTURE_BYTES, damaged, undecoded};
+use self::head::OLD_HDR;
 pub(crate) use self::head::PictureHead;
-use self::head::{OLD_HDR, decoder_limits};
 use self::ignored::{hdr_notes, png_notes, profile_note, tiff_notes, webp_notes};
 pub use self::notes::PictureNotes;
+use self::open::decoder_of;
+pub(crate) use self::open::{format_of, reader_of};
 pub(crate) use self::size::{check_decodes, head_of, picture_head};
 pub use self::size::{is_picture_turned, picture_size};
 
@@ -65,9 +70,7 @@ pub(crate) fn picture_bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
 pub fn load_image_bytes(bytes: &[u8], name: &str) -> Result<Picture, ImageError> {
     let decode = |reason: String| ImageError::Decode { name: name.to_owned(), reason };
     let undecodable = |e: ::image::ImageError| decode(undecoded(&e));
-    let mut reader =
-        ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| decode(e.to_string()))?;
-    reader.limits(decoder_limits());
+    let reader = reader_of(Cursor::new(bytes)).map_err(|e| decode(e.to_string()))?;
     let mut picture = match reader.format() {
         Some(ImageFormat::OpenExr) => {
             exr_file::head(Cursor::new(bytes), bytes.len() as u64).map_err(decode)?.checked(name)?;
@@ -80,7 +83,10 @@ pub fn load_image_bytes(bytes: &[u8], name: &str) -> Result<Picture, ImageError>
             if is_cut_off(bytes) {
                 return Err(decode(CUT_OFF.to_owned()));
             }
-            let mut decoder = reader.into_decoder().map_err(undecodable)?;
+            if format.is_none() {
+                return Err(decode(NO_FORMAT.to_owned()));
+            }
+            let mut decoder = decoder_of(reader).map_err(undecodable)?;
             let mut notes = statements(bytes, format, &mut decoder);
             let head = PictureHead::of(&mut decoder, format, bytes.len() as u64).checked(name)?;
             let Decoded { light, is_linear, transparent } = decoded(decoder, head).map_err(undecodable)?;

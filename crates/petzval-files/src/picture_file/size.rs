@@ -4,11 +4,12 @@ use std::io::{BufRead, BufReader, Cursor, Seek, SeekFrom};
 use std::path::Path;
 
 use ::image::codecs::hdr::HdrDecoder;
-use ::image::{DynamicImage, ImageFormat, ImageReader};
+use ::image::{DynamicImage, ImageFormat};
 
 use super::cut_off::{CUT_OFF, is_cut_off};
-use super::error::{ImageError, undecoded};
-use super::head::{OLD_HDR, PictureHead, decoder_limits};
+use super::error::{ImageError, NO_FORMAT, undecoded};
+use super::head::{OLD_HDR, PictureHead};
+use super::open::{decoder_of, format_of, reader_of};
 use super::{exr_file, load_image_bytes, statements};
 
 /// Columns and rows of a picture as [`load_image`](super::load_image) reads it, the right way up. Pixels are not decoded.
@@ -39,8 +40,7 @@ pub(crate) fn head_of<R: BufRead + Seek>(
     let decode = |reason: String| ImageError::Decode { name: name.to_owned(), reason };
     let undecodable = |e: ::image::ImageError| decode(undecoded(&e));
     let system = |e: std::io::Error| decode(e.to_string());
-    let mut reader = ImageReader::new(source).with_guessed_format().map_err(system)?;
-    reader.limits(decoder_limits());
+    let reader = reader_of(source).map_err(system)?;
     let format = reader.format();
     match format {
         Some(ImageFormat::OpenExr) => {
@@ -53,13 +53,13 @@ pub(crate) fn head_of<R: BufRead + Seek>(
             source.seek(SeekFrom::Start(0)).map_err(system)?;
             let is_old = source.fill_buf().map_err(system)?.starts_with(OLD_HDR);
             if format.is_none() && !is_old {
-                return Err(decode("it is of no format that is read".to_owned()));
+                return Err(decode(NO_FORMAT.to_owned()));
             }
             let mut decoder = HdrDecoder::with_strictness(source, !is_old).map_err(undecodable)?;
             Ok(PictureHead::of(&mut decoder, Some(ImageFormat::Hdr), file_bytes))
         }
         Some(_) => {
-            let mut decoder = reader.into_decoder().map_err(undecodable)?;
+            let mut decoder = decoder_of(reader).map_err(undecodable)?;
             Ok(PictureHead::of(&mut decoder, format, file_bytes))
         }
     }
@@ -67,7 +67,7 @@ pub(crate) fn head_of<R: BufRead + Seek>(
 
 /// Decodes a picture from its first byte to its last: [`load_image_bytes`] does not fail with it. Gives its notes. `name` appears in errors.
 pub(crate) fn check_decodes(bytes: &[u8], name: &str) -> Result<Vec<String>, ImageError> {
-    let format = ::image::guess_format(bytes).ok();
+    let format = format_of(bytes);
     // The samples of the two common kinds are numbers in any case: turning them into light would take most of the time.
     if !matches!(format, Some(ImageFormat::Png | ImageFormat::Jpeg)) {
         return load_image_bytes(bytes, name).map(|picture| picture.notes);
@@ -76,9 +76,7 @@ pub(crate) fn check_decodes(bytes: &[u8], name: &str) -> Result<Vec<String>, Ima
     if is_cut_off(bytes) {
         return Err(decode(CUT_OFF.to_owned()));
     }
-    let mut reader =
-        ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| decode(e.to_string()))?;
-    reader.limits(decoder_limits());
+    let reader = reader_of(Cursor::new(bytes)).map_err(|e| decode(e.to_string()))?;
     let mut decoder = reader.into_decoder().map_err(|e| decode(undecoded(&e)))?;
     let notes = statements(bytes, format, &mut decoder);
     let picture = DynamicImage::from_decoder(decoder).map_err(|e| decode(undecoded(&e)))?;

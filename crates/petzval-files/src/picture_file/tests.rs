@@ -128,7 +128,10 @@ fn errors_name_the_file_and_the_reason() {
     let missing = load_image(Path::new("no/such/picture.png")).unwrap_err().to_string();
     assert!(missing.starts_with("no/such/picture.png: "), "{missing}");
     let garbage = load_image_bytes(b"not a picture", "note.txt").unwrap_err().to_string();
-    assert!(garbage.starts_with("note.txt: cannot decode"), "{garbage}");
+    assert!(
+        garbage.starts_with("note.txt: cannot decode the picture: it is of no format that is read"),
+        "{garbage}"
+    );
 }
 
 /// A picture of 32 x 16 pixels, black but for its upper left quarter, encoded by `write`.
@@ -214,6 +217,38 @@ fn an_animation_is_noted() {
     let note = note(&webp_animation(2));
     assert_eq!(note, "it is an animation, of which only one picture is used");
     assert_eq!(light(&webp_animation(2)).width, 32);
+}
+
+#[test]
+fn a_big_tiff_is_a_picture() {
+    let mut out = Cursor::new(Vec::new());
+    let samples: Vec<u8> = (0..72).collect();
+    TiffEncoder::new_big(&mut out).unwrap().write_image::<colortype::RGB8>(6, 4, &samples).unwrap();
+    let bytes = out.into_inner();
+    assert!(bytes.starts_with(b"II\x2b\0"));
+    let found = light(&bytes);
+    assert_eq!((found.height, found.width), (4, 6));
+    assert_eq!(found.data[1], srgb_decode(3.0 / 255.0));
+    let head = head_of(Cursor::new(&bytes), bytes.len() as u64, "big").unwrap();
+    assert_eq!(head.upright(), (6, 4));
+}
+
+#[test]
+fn gray_floats_of_a_tiff_are_linear_light() {
+    let mut out = Cursor::new(Vec::new());
+    let samples = [0.0_f32, 0.25, 0.5, 1.0, 2.0, 16.0];
+    TiffEncoder::new(&mut out).unwrap().write_image::<colortype::Gray32Float>(3, 2, &samples).unwrap();
+    let single = out.into_inner();
+    let mut out = Cursor::new(Vec::new());
+    let wide = samples.map(f64::from);
+    TiffEncoder::new_big(&mut out).unwrap().write_image::<colortype::Gray64Float>(3, 2, &wide).unwrap();
+    for bytes in [single, out.into_inner()] {
+        let picture = read(&bytes);
+        assert!(picture.is_linear && picture.notes.is_empty(), "{:?}", picture.notes);
+        assert!((0..3).all(|c| picture.light.plane(c) == samples));
+        let head = head_of(Cursor::new(&bytes), bytes.len() as u64, "gray").unwrap();
+        assert_eq!(head.upright(), (3, 2));
+    }
 }
 
 #[test]

@@ -5,6 +5,7 @@ use std::io::Cursor;
 use super::frame::{AnyFrame, MOST_EXPANSION, MOST_PIXELS, RawFrame, Unreadable, WORK_SPACE};
 use super::info::RawInfo;
 use super::pages::{decode_page, is_tiff, pages};
+use crate::picture_file::reader_of;
 use crate::undecoded;
 use ::image::{ColorType, DynamicImage, ImageBuffer, ImageDecoder, ImageFormat, ImageReader, Limits, Luma};
 
@@ -53,8 +54,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<AnyFrame, Unreadable> {
 
 /// Whether a TIFF or PNG file holds gray integers, as far as its header says.
 pub(super) fn is_gray(bytes: &[u8]) -> bool {
-    let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
-    let decoder = reader.ok().and_then(|reader| reader.into_decoder().ok());
+    let decoder = reader_of(Cursor::new(bytes)).ok().and_then(|reader| reader.into_decoder().ok());
     decoder.is_some_and(|decoder| matches!(decoder.color_type(), ColorType::L8 | ColorType::L16))
 }
 
