@@ -221,7 +221,7 @@ impl RawInput {
             |what: &'static str, got: String, need: &'static str| Err(IspError::Input { what, got, need });
         let Self { height, width, about, .. } = self;
         if height % 2 != 0 || width % 2 != 0 || *height < 16 || *width < 16 {
-            let need = "even sides of at least 16 pixels";
+            let need = "even in rows and columns, and at least 16 x 16";
             return bad("size of the frame", format!("{height} x {width}"), need);
         }
         if self.dn.len() != height * width {

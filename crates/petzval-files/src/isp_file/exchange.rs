@@ -3,6 +3,7 @@
 use std::io::Cursor;
 
 use ::image::{DynamicImage, ImageFormat, ImageReader};
+use half::f16;
 use npyz::{Deserialize, NpyFile, Order};
 use petzval_camera::isp::{IspParameter, RawInput, RgbPicture};
 use petzval_camera::sensor::CfaPattern;
@@ -61,7 +62,7 @@ pub fn raw_bytes(frame: &RawInput) -> Vec<u8> {
 
 /// Reads the picture that a program has left under one of [`PICTURE_FILES`], and checks that it has the size of the frame.
 ///
-/// `rgb.npy` is an array `(height, width, 3)` of `uint8` or `uint16`, or of floats from 0 to 1; at most 5 % of the floats may lie outside.
+/// `rgb.npy` is an array `(height, width, 3)` of `uint8` or `uint16`, or of floats of 16, 32 or 64 bits from 0 to 1; at most 5 % of the floats may lie outside.
 /// `rgb.png` and `rgb.ppm` have 8 or 16 bits. Values are sRGB-encoded. A message says what is wrong.
 pub fn decode_picture(
     name: &str,
@@ -123,6 +124,7 @@ fn decode_npy(bytes: &[u8]) -> Result<RgbPicture, String> {
     let (bits, values) = match kind.as_str() {
         "u1" => (8, array_of::<u8>(bytes)?.into_iter().map(u16::from).collect()),
         "u2" => (16, array_of::<u16>(bytes)?),
+        "f2" => (16, encoded(&array_of::<f16>(bytes)?.into_iter().map(f64::from).collect::<Vec<_>>())?),
         "f4" => (16, encoded(&array_of::<f32>(bytes)?.into_iter().map(f64::from).collect::<Vec<_>>())?),
         "f8" => (16, encoded(&array_of::<f64>(bytes)?)?),
         other => return Err(format!("an array of {other}; it must be of uint8, uint16 or floats")),
@@ -289,6 +291,10 @@ mod tests {
         let floats = npy(&[1, 2, 3], &[1.0_f32, -0.001, 0.2, 0.0, 0.4, 1.001]);
         let floats = decode_picture("rgb.npy", &floats, (1, 2)).unwrap();
         assert_eq!(floats.encoded(), ppm.encoded());
+        let halves = [1.0, -0.001, 0.2, 0.0, 0.4, 1.001].map(f16::from_f32);
+        let halves = decode_picture("rgb.npy", &npy(&[1, 2, 3], &halves), (1, 2)).unwrap();
+        // Numbers of 16 bits have 11 of precision.
+        assert!(halves.bits == 16 && halves.data.iter().zip(&floats.data).all(|(a, b)| a.abs_diff(*b) <= 16));
         let words = npy(&[1, 2, 3], &[65535_u16, 0, 13107, 0, 26214, 65535]);
         assert_eq!(decode_picture("rgb.npy", &words, (1, 2)).unwrap(), deep);
         // Ten bits become sixteen.

@@ -374,7 +374,10 @@ pub fn about_frame(file: &Path) -> impl Fn(IspError) -> JobError {
                 "colour filter array" => {
                     "ISPs take Bayer mosaics alone; if the frame has one, correct `cfa` in its sidecar"
                 }
-                "size of the frame" => "cut the frame to even sides of at least 16 pixels",
+                "size of the frame" => {
+                    "a mosaic is of whole blocks of 2 x 2 pixels: drop the last row or column of an odd side and save the frame as .npy, with its \
+                     sidecar: numpy.save(\"even.npy\", dn[: h // 2 * 2, : w // 2 * 2])"
+                }
                 _ => "correct the frame or its sidecar",
             };
             JobError::input(format!("{}: {error}", file.display()), hint)

@@ -46,10 +46,10 @@ impl Place {
         let sizes = format!("{}x{} pixels on a frame of {height}x{width}", picture.height, picture.width);
         Some(match self {
             Self::Fill => format!(
-                "{sizes}: the picture is enlarged {by:.1} times, and its own blur with it; `place` centre takes its pixels as they are"
+                "{sizes}: the picture is enlarged {by:.1} times, and its own blur with it; --place centre takes its pixels as they are"
             ),
             Self::Centre => format!(
-                "{sizes}: the picture's edge is continued to the border of the frame; `place` fill enlarges it {by:.1} times"
+                "{sizes}: the picture's edge is continued to the border of the frame; --place fill enlarges it {by:.1} times"
             ),
         })
     }

@@ -22,7 +22,7 @@ use tile::{Plane, Tile};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Demosaic {
-    /// The mean of the nearest pixels of a colour. The only one for arrays other than Bayer's.
+    /// The mean of the nearest pixels of a colour. In linear development the only one for arrays other than Bayer's.
     Bilinear,
     /// Linear 5x5 filters that correct the bilinear value by the Laplacian of the measured colour (Malvar, He, Cutler 2004).
     Malvar,

@@ -311,7 +311,15 @@ fn frames_that_no_isp_takes_are_refused_with_what_it_takes() {
         run_fails(folder.path(), &args, 2, &["frame.npy", cfa, "take Bayer mosaics alone"]);
     }
     write_npy(&folder.path().join("frame.npy"), (33, 48), &[500; 33 * 48], levels);
-    run_fails(folder.path(), &args, 2, &["33 x 48", "cut the frame to even sides"]);
+    run_fails(
+        folder.path(),
+        &args,
+        2,
+        &[
+            "size of the frame is 33 x 48; it must be even in rows and columns, and at least 16 x 16",
+            "drop the last row or column",
+        ],
+    );
 }
 
 #[test]
