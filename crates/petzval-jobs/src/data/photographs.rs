@@ -1,7 +1,7 @@
 //! `data check` of photographs without annotations: a folder, a list, or tar shards.
 
 use std::collections::HashMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use petzval_design::error::DesignError;
 use petzval_files::coco::{DataSet, DefectKind, Defects, Image, Loaded, has_annotations};
@@ -11,6 +11,10 @@ use petzval_learn::dataset::DatasetError;
 use super::warn_of_notes;
 use crate::context::Context;
 use crate::error::Result;
+use crate::event::WarningKind;
+
+/// Endings of files that usually hold labels.
+const LABEL_ENDINGS: [&str; 3] = ["csv", "tsv", "xml"];
 
 /// Least shorter side of a photograph, px, that holds a training window of the main job with its margins.
 const LEAST_SIDE_PX: u32 = 126;
@@ -43,6 +47,7 @@ pub(super) fn checked(
         context.progress(done as u64, count, "pictures are decoded");
         context.cancel().check()
     };
+    warn_of_labels(place, context);
     let sizes = check_stored(pictures, remembered, &watch)?;
     warn_of_notes(remembered, context);
     let digests = digests(pictures, remembered, context)?;
@@ -73,6 +78,37 @@ pub(super) fn checked(
     }
     let folder = if place.is_dir() { place } else { place.parent().unwrap_or(Path::new("")) };
     Ok(Loaded { data, defects, file: place.to_owned(), folders: vec![folder.to_owned()] })
+}
+
+/// Warns of files in a folder and its own folders that may hold labels, which are not read.
+fn warn_of_labels(place: &Path, context: &Context) {
+    let inner = entries(place).into_iter().filter(|path| path.is_dir()).flat_map(|folder| entries(&folder));
+    let is_label = |path: &PathBuf| {
+        let ending = path.extension().unwrap_or_default();
+        LABEL_ENDINGS.iter().any(|known| ending.eq_ignore_ascii_case(known)) && path.is_file()
+    };
+    let mut found: Vec<PathBuf> = entries(place).into_iter().chain(inner).filter(is_label).collect();
+    found.sort();
+    let Some(first) = found.first() else { return };
+    let (others, may) = match found.len() - 1 {
+        0 => (String::new(), "may hold some and is not read"),
+        1 => (" and another file".to_owned(), "may hold some and are not read"),
+        n => (format!(" and {n} other files"), "may hold some and are not read"),
+    };
+    context.warning(
+        WarningKind::DataSet,
+        format!(
+            "{}: taken as pictures without labels: {}{others} {may}; `petzval data convert` makes COCO annotations of KITTI, BDD100K, YOLO and \
+             Pascal VOC, and others must be written as COCO first",
+            place.display(),
+            first.display()
+        ),
+    );
+}
+
+/// What a folder holds; nothing of what cannot be read.
+fn entries(folder: &Path) -> Vec<PathBuf> {
+    std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()).collect()
 }
 
 /// The digest of each picture that another one may equal.

@@ -74,7 +74,7 @@ fn a_converted_data_set_is_checked_and_shown() {
     write(root, "out/images/train/a.jpg", "no picture");
     let broken = run(root, &["data", "check", "out"]);
     assert_eq!(broken.code, Some(2));
-    for words in ["1 pictures, 2 boxes", "error, once: The file of a picture cannot be decoded", "a.jpg"] {
+    for words in ["1 picture, 2 boxes", "error, once: The file of a picture cannot be decoded", "a.jpg"] {
         assert!(broken.stdout.contains(words), "{words}\n{}", broken.stdout);
     }
 }
@@ -91,6 +91,8 @@ fn small_photographs_and_broken_links_are_named() {
             .unwrap();
     }
     std::os::unix::fs::symlink(root.join("gone.png"), root.join("photos/d.png")).unwrap();
+    write(root, "photos/boxes.csv", "ImageID,LabelName,XMin,XMax,YMin,YMax\n");
+    write(root, "photos/labels/a.xml", "<annotation/>\n");
     let checked = run(root, &["data", "check", "photos"]);
     assert_eq!(checked.code, Some(2));
     for words in [
@@ -102,6 +104,8 @@ fn small_photographs_and_broken_links_are_named() {
     ] {
         assert!(checked.stdout.contains(words), "{words}\n{}", checked.stdout);
     }
+    let said = "photos: taken as pictures without labels: photos/boxes.csv and another file may hold some and are not read";
+    assert!(checked.says(said), "{}", checked.stderr);
 }
 
 #[test]

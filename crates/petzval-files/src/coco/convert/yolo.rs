@@ -18,7 +18,8 @@
 //! | rotated box | four corners |
 //! | outline | three or more points |
 //!
-//! Rotated boxes and outlines give the upright box around them. They are counted.
+//! Rotated boxes and outlines give the upright box around them. They are counted. Corners of a rotated box may reach over the border of the
+//! picture by half its side; its box is clipped.
 
 use std::collections::{HashMap, HashSet};
 use std::ffi::OsStr;
@@ -36,6 +37,10 @@ use crate::coco::spelling::composed_path;
 
 /// Shares may exceed 0..1 by rounding; what is further out is in pixels.
 const ROUNDING: f64 = 0.01;
+
+/// How far the corners of a rotated box may reach over the border of the picture, in shares of it: the box is clipped. What is further out is in
+/// pixels.
+const OVERHANG: f64 = 0.5;
 
 /// Reads a folder.
 pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Result<Converted, CocoError> {
@@ -232,6 +237,7 @@ fn parse_line(
         FileError::at_line(number, words[0], format!("there is no class of this number among {classes}"))
             .hint("classes are numbered from 0, in the order of `names`")
     })?;
+    let over = if is_outline && words.len() == 9 { OVERHANG } else { ROUNDING };
     let mut shares = Vec::with_capacity(words.len() - 1);
     for (i, word) in words[1..].iter().enumerate() {
         let share = word.parse().ok().filter(|v: &f64| v.is_finite());
@@ -241,7 +247,7 @@ fn parse_line(
         };
         // Keypoints are not read: some programs write points that are not seen as -1, and how well one is seen as 2.
         let is_keypoint = is_pose && i >= 4;
-        if !is_keypoint && !(-ROUNDING..=1.0 + ROUNDING).contains(&share) {
+        if !is_keypoint && !(-over..=1.0 + over).contains(&share) {
             return Err(FileError::at_line(number, word, "this is no share of the picture, 0 to 1")
                 .hint("divide pixels by the width or height of the picture"));
         }
@@ -285,6 +291,14 @@ mod tests {
         let outline = vec![[0.25, 0.5], [0.75, 0.5], [0.5, 0.75]];
         let read = parse_line(1, "1.0 0.25 0.5 0.75 0.5 0.5 0.75", 2, None).unwrap();
         assert_eq!(read, (1, Shape::Points(outline)));
+        // Corners reach over the border, in shares; points of outlines do not.
+        let corners = "1 0.9 0.4 1.02 0.5 0.9 0.6 -0.2 0.5";
+        let over = vec![[0.9, 0.4], [1.02, 0.5], [0.9, 0.6], [-0.2, 0.5]];
+        assert_eq!(parse_line(1, corners, 2, None).unwrap(), (1, Shape::Points(over)));
+        for wrong in ["1 0.9 0.4 1.6 0.5 0.9 0.6 0.8 0.5", "1 0.9 0.4 1.02 0.5 0.9 0.6"] {
+            let error = parse_line(1, wrong, 2, None).unwrap_err().to_string();
+            assert!(error.contains("no share of the picture"), "{error}");
+        }
         // The same line is a box with one keypoint where the file of the names says so, and keypoints may lie outside.
         let pose = "1 0.5 0.25 0.5 0.25 0.3 0.2 2";
         assert_eq!(parse_line(1, pose, 2, Some([1, 3])).unwrap(), box_of(true));

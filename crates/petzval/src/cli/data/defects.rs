@@ -1,10 +1,13 @@
 //! The tables of `petzval data`.
 
+use crate::base::counted;
+
 use crate::jobs::data::{Defect, Severity, Statistics};
 
 /// Pictures, classes and defects.
 pub fn table(statistics: &Statistics, defects: &[Defect]) -> String {
-    let mut text = format!("{} pictures, {} boxes, ", statistics.images, statistics.boxes);
+    let boxes = if statistics.boxes == 1 { "box" } else { "boxes" };
+    let mut text = format!("{}, {} {boxes}, ", counted(statistics.images, "picture"), statistics.boxes);
     text += &format!("{} at most in one\n", statistics.most_boxes);
     let list = |pairs: Vec<String>| pairs.join(", ");
     if !statistics.images_by_split.is_empty() {
