@@ -7,7 +7,7 @@ use ::image::{ImageDecoder, ImageFormat, ImageReader, ImageResult};
 use super::gray_floats::GrayFloats;
 use super::head::decoder_limits;
 
-/// Bytes that tell formats apart.
+/// Bytes by which formats are distinguished.
 const START_BYTES: u64 = 16;
 
 /// How TIFF files for more than 4 GB begin, in either byte order. The image crate reads them, but does not know them by this.

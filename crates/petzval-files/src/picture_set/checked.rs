@@ -112,7 +112,7 @@ impl CheckedPictures {
     }
 }
 
-/// What tells a picture from others, and from itself after a change.
+/// What distinguishes a picture from others, and from itself after a change.
 type Identity = (String, u64, u64);
 
 /// Absolute path, with the name of a member, size, and time of the last change, nanoseconds. None where the system does not know them.

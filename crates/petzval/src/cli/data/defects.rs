@@ -1,7 +1,6 @@
 //! The tables of `petzval data`.
 
 use crate::base::counted;
-
 use crate::jobs::data::{Defect, Severity, Statistics};
 
 /// Pictures, classes and defects.

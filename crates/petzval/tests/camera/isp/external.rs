@@ -61,8 +61,9 @@ fn settings_at_which_an_external_isp_fails_count_as_the_worst() {
         ["isp", "develop", "raws/left.tiff", "raws/right.tiff", "--bits", "16", "--out", "reference"];
     run_ok(folder.path(), &[&develop[..], &isp, &["--set", "tone.gain=1.6"]].concat());
 
-    let tune =
-        |more: &[&str]| [&["isp", "tune", "raws", "--reference", "reference"], &isp[..], more].concat();
+    let tune = |more: &[&'static str]| {
+        [&["isp", "tune", "raws", "--reference", "reference"], &isp[..], more].concat()
+    };
     let whole = run_ok(folder.path(), &tune(&["--evaluations", "13", "--out", "whole"]));
     for words in ["count as the worst", "first at tone.gain = 0.", "too dark", "exit status: 4"] {
         assert!(whole.says(words), "{words}: {}", whole.stderr);
