@@ -59,7 +59,7 @@ pub use optiland::{parse_optiland, parse_optiland_start};
 pub(crate) use picture_file::undecoded;
 pub use picture_file::{
     ImageError, PICTURE_ENDINGS, Picture, PictureNotes, encoded_png_bytes, is_picture_turned, load_image,
-    load_image_bytes, picture_size, png_bytes, save_png, save_png16,
+    load_image_bytes, picture_size, picture_statements, png_bytes, save_png, save_png16,
 };
 pub use picture_set::{
     CheckedPictures, CheckedSize, PictureSetError, Stamp, StoredPicture, UnreadPicture, check_stored,

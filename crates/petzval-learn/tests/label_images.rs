@@ -78,6 +78,21 @@ fn load(folder: &Path, purpose: Purpose) -> Result<(LabelledPictures, Vec<String
 }
 
 #[test]
+fn what_files_of_pictures_say_that_is_not_obeyed_is_noted_once() {
+    let folder = folder(7);
+    for number in [1, 3] {
+        let path = folder.path().join(format!("pictures/{number}.png"));
+        let picture = image::open(&path).unwrap().into_rgb8();
+        let mut encoder = image::codecs::png::PngEncoder::new(std::fs::File::create(&path).unwrap());
+        image::ImageEncoder::set_icc_profile(&mut encoder, vec![7; 300]).unwrap();
+        picture.write_with_encoder(encoder).unwrap();
+    }
+    let (_, notes) = load(folder.path(), Purpose::Training).unwrap();
+    let wanted = "1.png and another picture: its ICC profile (that cannot be read) is ignored";
+    assert!(notes.len() == 1 && notes[0].contains(wanted), "{notes:?}");
+}
+
+#[test]
 fn a_window_has_the_classes_of_the_pixels_that_it_shows() {
     let folder = folder(7);
     let (pictures, notes) = load(folder.path(), Purpose::ValidatedTraining).unwrap();

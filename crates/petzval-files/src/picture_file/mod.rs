@@ -30,7 +30,7 @@ pub use self::notes::PictureNotes;
 use self::open::decoder_of;
 pub(crate) use self::open::{format_of, reader_of};
 pub(crate) use self::size::{check_decodes, head_of, picture_head};
-pub use self::size::{is_picture_turned, picture_size};
+pub use self::size::{is_picture_turned, picture_size, picture_statements};
 
 /// Endings of the pictures that a folder is searched for, in lower case.
 pub const PICTURE_ENDINGS: [&str; 7] = ["png", "jpg", "jpeg", "tif", "tiff", "webp", "bmp"];

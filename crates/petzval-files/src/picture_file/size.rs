@@ -10,11 +10,25 @@ use super::cut_off::{CUT_OFF, is_cut_off};
 use super::error::{ImageError, NO_FORMAT, undecoded};
 use super::head::{OLD_HDR, PictureHead};
 use super::open::{decoder_of, format_of, reader_of};
-use super::{exr_file, load_image_bytes, statements};
+use super::{exr_file, load_image_bytes, picture_bytes, statements};
 
 /// Columns and rows of a picture as [`load_image`](super::load_image) reads it, the right way up. Pixels are not decoded.
 pub fn picture_size(path: &Path) -> Result<(u32, u32), ImageError> {
     Ok(picture_head(path)?.upright())
+}
+
+/// What a picture file says about its pixels that is not obeyed. Pixels are not decoded: transparent ones, and light below zero, are not counted,
+/// and OpenEXR and Radiance files give none.
+pub fn picture_statements(path: &Path) -> Result<Vec<String>, ImageError> {
+    let bytes = picture_bytes(path)?;
+    let format = format_of(&bytes);
+    if matches!(format, None | Some(ImageFormat::OpenExr | ImageFormat::Hdr)) {
+        return Ok(Vec::new());
+    }
+    let decode = |reason: String| ImageError::Decode { name: path.display().to_string(), reason };
+    let reader = reader_of(Cursor::new(&bytes[..])).map_err(|e| decode(e.to_string()))?;
+    let mut decoder = decoder_of(reader).map_err(|e| decode(undecoded(&e)))?;
+    Ok(statements(&bytes, format, &mut decoder))
 }
 
 /// Whether EXIF turns or mirrors a picture: [`load_image`](super::load_image) gives its pixels in another order than the file has them.

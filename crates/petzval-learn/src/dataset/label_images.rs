@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use petzval_base::Cancel;
 use petzval_files::coco::content_digest;
-use petzval_files::{is_picture_turned, picture_size};
+use petzval_files::{PictureNotes, is_picture_turned, picture_size, picture_statements};
 use rayon::prelude::*;
 
 use super::label_file::{LabelFile, pixels_of_classes};
@@ -27,6 +27,8 @@ struct Checked {
     picture: LabelledPicture,
     /// Whether EXIF turns the picture.
     is_turned: bool,
+    /// What its file says that is not obeyed.
+    statements: Vec<String>,
     pixels: [usize; IGNORED as usize],
 }
 
@@ -80,9 +82,11 @@ impl LabelledPictures {
         let mut found = Self::default();
         let (mut small, mut pixels) = (SmallPictures::new(crop), [[0; IGNORED as usize]; 2]);
         let mut turned: Vec<String> = Vec::new();
+        let mut noted = PictureNotes::default();
         let count = checked.len();
         for (number, checked) in checked.into_iter().enumerate() {
-            let Checked { picture, is_turned, pixels: own } = checked?;
+            let Checked { picture, is_turned, statements, pixels: own } = checked?;
+            noted.add(&picture.name, &statements);
             if is_turned {
                 turned.push(picture.name.clone());
             }
@@ -105,6 +109,7 @@ impl LabelledPictures {
                 "EXIF turns {first}{others}; labels are taken as those of the turned picture, which the report shows"
             ));
         }
+        noted.clauses().into_iter().for_each(&mut note);
         small.sentence().into_iter().for_each(&mut note);
         let trains = purpose != Purpose::Scores;
         let validated = purpose == Purpose::ValidatedTraining;
@@ -157,7 +162,7 @@ fn checked(
         return Err(DatasetError::LabelImage { path: picture.to_owned(), problem, hint });
     };
     let (width, height) = picture_size(picture)?;
-    let is_turned = is_picture_turned(picture)?;
+    let (is_turned, statements) = (is_picture_turned(picture)?, picture_statements(picture)?);
     let digest = content_digest(&path).map_err(|source| DatasetError::Io { path: path.clone(), source })?;
     let labels = LabelFile { path, of_values: of_values.clone(), digest };
     let classes = labels.read()?;
@@ -172,7 +177,7 @@ fn checked(
     let name = format!("{}/{}", FOLDERS[0], picture.file_name().unwrap_or_default().to_string_lossy());
     let (path, truth) = (picture.to_owned(), Truth::default());
     let picture = LabelledPicture { path, sequence: name.clone(), name, size, truth, labels: Some(labels) };
-    Ok(Checked { picture, is_turned, pixels: pixels_of_classes(&classes) })
+    Ok(Checked { picture, is_turned, statements, pixels: pixels_of_classes(&classes) })
 }
 
 /// How many there are beside the first of them, in words.
