@@ -11,7 +11,7 @@ use serde_json::Value;
 
 use super::error::StoreError;
 use super::record::{AttemptRecord, Claim, Cost, Ended, Failure, STORE_FORMAT, StoredResult};
-use super::state::{Seen, UnitState};
+use super::state::{Other, Seen, UnitState};
 use super::{Store, to_json};
 use crate::unit::{Key, Prepared};
 use petzval_design::run::{Holder, date};
@@ -30,12 +30,20 @@ pub enum Begun {
     Damaged(Box<ErrorReport>),
 }
 
+/// What a process does at a unit.
+enum Next {
+    /// It begins the attempt of this number.
+    Begin(u32),
+    /// It leaves the unit as it is.
+    Leave(Begun),
+}
+
 /// Attempts of a unit after which it counts as failed: something ends every process that begins it.
 const MOST_ATTEMPTS: u32 = 200;
 
 impl Store {
     /// Begins a unit, unless it has ended or another process has it. One that failed is begun again if `retries`; one whose folder is damaged as well,
-    /// and the folder is set aside. Once another process has begun it, its failure there counts: of two that run a failed unit again, one does.
+    /// and the folder is set aside. If two processes retry a failed unit, one runs it, and its failure is that of both.
     ///
     /// `seen` remembers what claims of others were seen; a process keeps it for as long as it looks.
     pub fn begin(
@@ -47,8 +55,8 @@ impl Store {
     ) -> Result<Begun, StoreError> {
         let key = &prepared.key;
         let number = match self.next_attempt(key, retries, seen)? {
-            Ok(number) => number,
-            Err(begun) => return Ok(begun),
+            Next::Begin(number) => number,
+            Next::Leave(begun) => return Ok(begun),
         };
         let folder = self.folder(key);
         self.layer.make_folder(&folder).map_err(StoreError::io(&folder))?;
@@ -96,41 +104,36 @@ impl Store {
         Ok(Begun::Mine(Box::new(attempt)))
     }
 
-    /// The number of the attempt that this process may begin, or what became of the beginning.
-    fn next_attempt(
-        &self,
-        key: &Key,
-        retries: bool,
-        seen: &mut Seen,
-    ) -> Result<Result<u32, Begun>, StoreError> {
+    /// What this process does at a unit.
+    fn next_attempt(&self, key: &Key, retries: bool, seen: &mut Seen) -> Result<Next, StoreError> {
         // Before the look at the unit: what another process sets aside after that look has this name.
         let aside = retries.then(|| self.name_aside(key));
         let (state, now) = (self.state(key, seen)?, self.clock.now());
         Ok(match state {
-            UnitState::Done(result) => Err(Begun::Done(result)),
+            UnitState::Done(result) => Next::Leave(Begun::Done(result)),
             UnitState::Running { attempt, claim } => {
                 seen.note_other(key, attempt, now);
-                Err(Begun::Elsewhere(claim))
+                Next::Leave(Begun::Elsewhere(claim))
             }
-            UnitState::Failed(failure) if !retries => Err(Begun::Failed(failure)),
-            UnitState::Failed(failure) => match seen.is_begun_elsewhere(key, failure.attempt, now) {
-                None => Ok(failure.attempt + 1),
-                Some(true) => Err(Begun::Elsewhere(None)),
-                Some(false) => Err(Begun::Failed(failure)),
+            UnitState::Failed(failure) if !retries || seen.has_failed_since(key, failure.attempt) => {
+                Next::Leave(Begun::Failed(failure))
+            }
+            UnitState::Failed(failure) => match seen.other(key, failure.attempt, now) {
+                Other::Unseen => Next::Begin(failure.attempt + 1),
+                Other::MayRun => Next::Leave(Begun::Elsewhere(None)),
+                Other::Ended => Next::Leave(Begun::Failed(failure)),
             },
-            UnitState::Damaged(error) => match (aside, seen.is_begun_elsewhere(key, 0, now)) {
-                (None, _) | (_, Some(false)) => Err(Begun::Damaged(error)),
-                (_, Some(true)) => Err(Begun::Elsewhere(None)),
-                (Some(aside), None) => {
-                    let is_own = self.set_aside(key, &aside)?;
-                    if !is_own {
-                        seen.note_other(key, 1, now);
-                    }
-                    is_own.then_some(1).ok_or(Begun::Elsewhere(None))
+            UnitState::Damaged(error) => match (aside, seen.other(key, 0, now)) {
+                (None, _) | (_, Other::Ended) => Next::Leave(Begun::Damaged(error)),
+                (_, Other::MayRun) => Next::Leave(Begun::Elsewhere(None)),
+                (Some(aside), Other::Unseen) if self.set_aside(key, &aside)? => Next::Begin(1),
+                (Some(_), Other::Unseen) => {
+                    seen.note_other(key, 1, now);
+                    Next::Leave(Begun::Elsewhere(None))
                 }
             },
-            UnitState::Waiting => Ok(1),
-            UnitState::Stopped { attempt } | UnitState::Stale { attempt, .. } => Ok(attempt + 1),
+            UnitState::Waiting => Next::Begin(1),
+            UnitState::Stopped { attempt } | UnitState::Stale { attempt, .. } => Next::Begin(attempt + 1),
         })
     }
 

@@ -23,8 +23,8 @@ use petzval_design::run::Holder;
 /// How units are run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RunOptions {
-    /// Run units again that have failed, or whose folder is damaged. Of two processes that run one again at the same time, one does; its failure is
-    /// that of both.
+    /// Run units again that have failed, or whose folder is damaged. If two processes retry a unit at the same time, one runs it; its failure is that
+    /// of both.
     pub retries: bool,
     /// Do not wait for units that other processes are working on.
     pub leaves_others: bool,
@@ -117,6 +117,9 @@ pub fn run_all(
         prepared.push(Prepared::new(unit, context, &digests)?);
     }
     let store = open()?;
+    if options.retries {
+        store.note_failures(prepared.iter().map(|unit| &unit.key), &mut seen)?;
+    }
     let mut left: Vec<&Prepared> = prepared.iter().collect();
     loop {
         let mut others = Vec::new();

@@ -105,6 +105,19 @@ pub struct Seen {
     claims: HashMap<Key, (u32, Option<u64>, Duration)>,
     /// Number of the newest attempt that another process is known to have begun at a unit, and when that was seen.
     others: HashMap<Key, (u32, Duration)>,
+    /// Number of the attempt by which a unit had failed when this process set out to run units again; 0 if it had not.
+    failed_before: HashMap<Key, u32>,
+}
+
+/// What is known of another process at a unit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Other {
+    /// None was seen.
+    Unseen,
+    /// It has begun a later attempt, which may not be visible yet.
+    MayRun,
+    /// Its attempt is the one that has ended.
+    Ended,
 }
 
 impl Seen {
@@ -124,15 +137,40 @@ impl Seen {
         self.others.insert(key.clone(), (number, now));
     }
 
-    /// Whether another process has begun an attempt of a unit after attempt `number`, which may not be visible yet; none if no other process is
-    /// known to have begun the unit.
-    pub(super) fn is_begun_elsewhere(&self, key: &Key, number: u32, now: Duration) -> Option<bool> {
-        let (newest, since) = self.others.get(key)?;
-        Some(*newest > number && now.saturating_sub(*since) <= VISIBLE_WITHIN)
+    /// What is known of another process at a unit, whose newest visible attempt is `number`.
+    pub(super) fn other(&self, key: &Key, number: u32, now: Duration) -> Other {
+        match self.others.get(key) {
+            None => Other::Unseen,
+            Some((newest, since)) if *newest > number && now.saturating_sub(*since) <= VISIBLE_WITHIN => {
+                Other::MayRun
+            }
+            Some(_) => Other::Ended,
+        }
+    }
+
+    /// Whether attempt `number` of a unit failed after this process had set out to run units again.
+    pub(super) fn has_failed_since(&self, key: &Key, number: u32) -> bool {
+        self.failed_before.get(key).is_some_and(|before| number > *before)
     }
 }
 
 impl Store {
+    /// Remembers which units have failed by now. What fails later, in another process, is not run again by this one.
+    pub fn note_failures<'k>(
+        &self,
+        keys: impl IntoIterator<Item = &'k Key>,
+        seen: &mut Seen,
+    ) -> Result<(), StoreError> {
+        for key in keys {
+            let number = match self.state(key, seen)? {
+                UnitState::Failed(failure) => failure.attempt,
+                _ => 0,
+            };
+            seen.failed_before.insert(key.clone(), number);
+        }
+        Ok(())
+    }
+
     /// Where a unit stands, as this process sees it. A claim of another machine counts as stale if `seen` has known it unchanged for
     /// [`STALE_AFTER`]. Fails if the store cannot be read; a damaged unit is no such failure.
     pub fn state(&self, key: &Key, seen: &mut Seen) -> Result<UnitState, StoreError> {

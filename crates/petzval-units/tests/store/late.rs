@@ -228,6 +228,23 @@ fn a_failed_unit_that_two_machines_run_again_at_once_is_run_by_one() {
     assert!(matches!(again(&mut two, &unit), Begun::Done(result) if result.attempt == 3));
 }
 
+/// One machine has failed again before the other, which began at the same time, comes to the unit.
+#[test]
+fn what_failed_again_since_a_command_began_is_not_run_once_more_by_it() {
+    let (server, clock) = (Arc::new(Server::default()), Arc::new(Simulated::default()));
+    let unit = prepared(&trivial("unit", 1.0));
+    let (mut one, mut two) = (machine(0, &server, &clock), machine(1, &server, &clock));
+    mine(again(&mut one, &unit)).fail(error()).unwrap();
+    clock.wait(VISIBLE);
+    for machine in [&mut one, &mut two] {
+        machine.store.note_failures([&unit.key], &mut machine.seen).unwrap();
+    }
+    mine(again(&mut one, &unit)).fail(error()).unwrap();
+    clock.wait(VISIBLE);
+    let Begun::Failed(failure) = again(&mut two, &unit) else { panic!("the unit is run a third time") };
+    assert_eq!(failure.attempt, 2);
+}
+
 #[test]
 fn a_damaged_unit_that_two_machines_run_again_at_once_is_set_aside_once() {
     let (server, clock) = (Arc::new(Server::default()), Arc::new(Simulated::default()));
