@@ -39,9 +39,6 @@ pub(super) struct Checkpoint {
     /// Settings that failed so far.
     #[serde(default)]
     pub failed: usize,
-    /// Settings that failed since the last one that did not.
-    #[serde(default)]
-    pub failed_in_a_row: usize,
     /// Time so far, s.
     pub seconds: f64,
 }
@@ -54,8 +51,8 @@ pub struct Generation {
     pub generation: u64,
     /// Settings tried so far.
     pub evaluations: usize,
-    /// Its best score; none if every setting failed.
-    pub best_of_generation: Option<f64>,
+    /// Its best score.
+    pub best_of_generation: f64,
     /// Settings of it at which the ISP failed: they count as the worst.
     #[serde(default)]
     pub failed: usize,
@@ -82,7 +79,6 @@ impl Checkpoint {
             search,
             history: Vec::new(),
             failed: 0,
-            failed_in_a_row: 0,
             seconds: 0.0,
         }
     }

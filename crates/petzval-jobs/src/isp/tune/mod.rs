@@ -268,9 +268,6 @@ fn short_name(full: &str) -> &str {
 /// Short names of scores.
 const SHORT: [(&str, &str); 2] = [("psnr", "psnr_db"), ("lpips", "one_minus_lpips")];
 
-/// Settings in a row whose failures end the search.
-const MOST_FAILED_IN_A_ROW: usize = 10;
-
 /// The score of a setting, or why the ISP failed at it.
 type Scored = std::result::Result<f64, String>;
 
@@ -365,7 +362,6 @@ impl Tuner<'_> {
             kept.start = Some(score.map_err(|reason| self.failed_at(&self.base, &reason, hint))?);
             self.keep(folder, kept)?;
         }
-        let mut is_kept = true;
         while let Some(start) = kept.start
             && 1 + kept.search.evaluations() + kept.search.population() <= budget
             && !self.context.is_cancelled()
@@ -380,24 +376,17 @@ impl Tuner<'_> {
             let values = scores.iter().map(|score| score.as_ref().map_or(f64::NAN, |score| -sign * score));
             kept.search.tell(&values.collect::<Vec<_>>());
             kept.seconds += clock.elapsed().as_secs_f64();
-            let best = scores.iter().flatten().map(|score| sign * score).reduce(f64::max);
+            let best = scores.iter().flatten().map(|score| sign * score).fold(f64::NEG_INFINITY, f64::max);
             kept.history.push(Generation {
                 generation: kept.search.generation(),
                 evaluations: 1 + kept.search.evaluations(),
-                best_of_generation: best.map(|best| sign * best),
+                best_of_generation: sign * best,
                 failed,
                 best: self.best(kept).0,
                 deviation: kept.search.deviation(),
                 restarts: kept.search.restarts(),
                 seconds: kept.seconds,
             });
-            // Where every setting failed, the ISP itself may be broken: once it is mended, the search goes on from before that.
-            is_kept = failed < points.len();
-            if is_kept {
-                self.keep(folder, kept)?;
-            }
-        }
-        if !is_kept {
             self.keep(folder, kept)?;
         }
         let Some(start) = kept.start else {
@@ -432,7 +421,8 @@ impl Tuner<'_> {
         })
     }
 
-    /// Counts the settings of a generation at which the ISP failed, and warns of them. Fails once too many failed in a row.
+    /// Counts the settings of a generation at which the ISP failed, and warns of them. Fails if there is no other: then the ISP itself may be broken,
+    /// and the search goes on from before this generation once it is mended.
     fn count_failures(
         &self,
         points: &[Vec<f64>],
@@ -440,37 +430,27 @@ impl Tuner<'_> {
         folder: &TuneFolder,
         kept: &mut Checkpoint,
     ) -> Result<usize> {
-        let (mut failed, mut first) = (0, None);
-        for (values, score) in points.iter().zip(scores) {
-            let Err(reason) = score else {
-                kept.failed_in_a_row = 0;
-                continue;
-            };
-            failed += 1;
-            kept.failed_in_a_row += 1;
-            first = first.or(Some((values, reason)));
-            if kept.failed_in_a_row >= MOST_FAILED_IN_A_ROW {
-                let hint = format!(
-                    "{MOST_FAILED_IN_A_ROW} settings in a row failed; run the ISP at these values and mend it, then go on with `petzval isp tune \
-                     --resume {}`",
-                    folder.root().display()
-                );
-                return Err(self.failed_at(values, reason, &hint));
-            }
+        let failures =
+            || points.iter().zip(scores).filter_map(|(values, score)| Some((values, score.as_ref().err()?)));
+        let (failed, all) = (failures().count(), points.len());
+        let Some((values, reason)) = failures().next() else { return Ok(0) };
+        if failed == all {
+            let hint = format!(
+                "all {all} settings of a generation failed; run the ISP at these values and mend it, then go on with `petzval isp tune --resume {}`",
+                folder.root().display()
+            );
+            return Err(self.failed_at(values, reason, &hint));
         }
         kept.failed += failed;
-        if let Some((values, reason)) = first {
-            self.context.warning(
-                WarningKind::LeftOut,
-                format!(
-                    "generation {}: {failed} of {} settings failed and count as the worst, {} since the search began; first at {}: {reason}",
-                    kept.search.generation() + 1,
-                    points.len(),
-                    kept.failed,
-                    self.varied(values)
-                ),
-            );
-        }
+        self.context.warning(
+            WarningKind::LeftOut,
+            format!(
+                "generation {}: {failed} of {all} settings failed and count as the worst, {} since the search began; first at {}: {reason}",
+                kept.search.generation() + 1,
+                kept.failed,
+                self.varied(values)
+            ),
+        );
         Ok(failed)
     }
 
