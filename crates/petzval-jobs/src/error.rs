@@ -18,8 +18,8 @@ pub(crate) const INLINE: &str = "inline";
 pub(crate) const TABLES: &str = "tables";
 
 /// What to do where rights, or a file system that is read-only, keep a job from a file or folder.
-const RIGHTS: &str = "make the place readable and writable for this user, name another one with --out, or copy the folder to where you may \
-                      write and work on the copy";
+const RIGHTS: &str = "this user lacks a right there: make what is read readable; for results name another place with --out, or copy the folder to \
+                      where you may write and work on the copy";
 
 /// Who has to change something before the job can succeed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

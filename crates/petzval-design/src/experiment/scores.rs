@@ -2,7 +2,7 @@
 
 use petzval_base::{FileError, nearest};
 
-use super::{Experiment, TaskFacts, variants};
+use super::{Experiment, PicturesKey, TaskFacts, variants};
 
 /// An experiment with more classes has no score for each of them by default: tables would be too wide.
 const MOST_CLASSES: usize = 8;
@@ -25,13 +25,21 @@ impl Experiment {
         self
     }
 
-    /// Checks that the scores are among those that are known. One who scores by others, with scorers of their own, leaves this out.
+    /// Checks that the scores are among those that are known, and that what is counted is there. One who scores by others, with scorers of their own,
+    /// leaves this out, and so do runs of earlier versions.
     pub(crate) fn check_scores(
         &self,
         text: &str,
         known: &[String],
         facts: &TaskFacts,
     ) -> Result<(), FileError> {
+        // Windows of scenes have a number of their own.
+        if self.scoring.pictures != 0 && facts.pictures != PicturesKey::Photos {
+            let message =
+                format!("the task `{}` scores windows of scenes, and this key counts photographs", self.task);
+            let hint = "leave it out, and give the number of windows to `street.held_out`, for streets and for a folder";
+            return Err(FileError::at_key(text, &["scoring", "pictures"], message).hint(hint));
+        }
         let unknown = self.scoring.scores.iter().enumerate().find(|(_, name)| !known.contains(name));
         let Some((i, unknown)) = unknown else { return Ok(()) };
         let of = format!("of {}", facts.scored);

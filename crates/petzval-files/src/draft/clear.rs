@@ -42,8 +42,8 @@ pub fn with_open_surfaces(
 
 /// The lens with clear semi-diameters everywhere.
 ///
-/// Surfaces without an edge have the size that the file prints if it holds their beams and that lens is possible; others are made large
-/// enough for their beams.
+/// A surface without an edge keeps its printed size if that holds its beams; else it is made large enough for them. Where the lens is impossible so,
+/// no printed size of such a surface counts.
 /// Surfaces that cannot be as large as the beams narrow them. A lens that cannot be built even then comes with the reason. Fails where a
 /// surface ends within its edge.
 pub(super) fn with_semi_diameters(

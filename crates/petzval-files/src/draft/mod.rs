@@ -188,7 +188,9 @@ fn wavelengths(
     };
     let mut judged: Vec<(f64, f64)> = list.iter().copied().filter(|(_, weight)| *weight != 0.0).collect();
     if judged.is_empty() {
-        record.lose(losses, Effect::NoRay, "all wavelengths have the weight 0: all count the same");
+        if list.len() > 1 {
+            record.lose(losses, Effect::NoRay, "all wavelengths have the weight 0: all count the same");
+        }
         judged.clone_from(list);
     } else if list.iter().enumerate().any(|(i, (_, weight))| *weight == 0.0 && i != reference) {
         record.lose(losses, Effect::NoRay, "wavelengths of weight 0 are not kept");

@@ -70,7 +70,7 @@ petzval_base::parameters! {
 /// An object that was found.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Found {
-    /// Name of its class; for weights of torchvision the name that the data set has for its number, or the number itself.
+    /// Name of its class; for weights of torchvision its number, or with `--data` the name that the data set has for this number.
     pub class: String,
     /// How sure the detector is, 0..1.
     pub score: f32,

@@ -243,15 +243,19 @@ impl Prepared {
         analyze(lens, options, &tick).map_err(|error| match error {
             AnalysisError::Stopped(cancelled) => cancelled.into(),
             AnalysisError::NoChiefRay { field_deg, .. } | AnalysisError::NoLight { field_deg } => {
-                let lost = where_lost(lens, field_deg.to_radians());
-                let cause = lost.map_or_else(String::new, |lost| format!(": {lost}"));
-                JobError::input(
-                    format!("{name}: {error}{cause}"),
-                    format!(
-                        "`petzval lens show {}` says where light is lost; or leave that field out",
-                        pasted(Path::new(name))
+                match where_lost(lens, field_deg.to_radians()) {
+                    Some(cause) => JobError::input(
+                        format!("{name}: {error}: {cause}"),
+                        "leave that field out, or let its light through there",
                     ),
-                )
+                    None => JobError::input(
+                        format!("{name}: {error}"),
+                        format!(
+                            "`petzval lens show {}` says where light is lost; or leave that field out",
+                            pasted(Path::new(name))
+                        ),
+                    ),
+                }
             }
         })
     }

@@ -38,16 +38,14 @@ const FIRST_DEVIATION: f64 = 0.3;
 const PENALTY: f64 = 1e-5;
 const PENALTY_NOISE: f64 = 0.2;
 
-/// A gap between the distances of the pixels from which they lie in narrow groups, pixels, and the least penalty there, of the pixels at a knot.
+/// Gap between the distances of the pixels, pixels, from which the penalty is largest.
 ///
-/// Near slopes of small integers, as at 45 degrees, the pixels lie in groups. Within a group their distances differ by little, so noise and a path
-/// that is a few thousandths of a degree off decide the slope of a soft spline there. At 45 degrees it became a staircase, and MTF50 was 2 to 8 % low.
-/// At 44.85 degrees noise moved MTF50 up to eight times as far as at 43. This penalty keeps the slope from one group to the next.
-///
-/// It takes 0.1 % of the modulation at 0.5 cycles per pixel, and 1.5 % at 0.7, where pixels at 45 degrees end to sample. Finer pixels need less of it,
-/// and sample further: below this gap it falls by [`COARSE_POWER`].
+/// Near slopes of small integers, as at 45 degrees, the pixels lie in groups. Within a group their distances differ by little, so noise, or a path
+/// that is a few thousandths of a degree off, would decide the slope of a soft spline there. The penalty keeps the slope from one group to the next.
 const COARSE_GAP_PX: f64 = 0.6;
+/// The penalty there, of the pixels at a knot. It takes 0.1 % of the modulation at 0.5 cycles per pixel, and 1.5 % at 0.7.
 const COARSE_PENALTY: f64 = 1e-2;
+/// Below that gap the penalty falls by this power of the gap: pixels that lie closer sample further, and need less of it.
 const COARSE_POWER: i32 = 4;
 
 /// Share of pixels left out from which they are the reason if there is no profile without them.

@@ -32,7 +32,7 @@ class FrameInfo:
         cfa: Colours of the Bayer array from the first pixel on: ``"RGGB"``, ``"GRBG"``, ``"GBRG"`` or ``"BGGR"``.
         black_level_dn: Number without light, DN.
         white_level_dn: Number of saturation, DN; the largest number if left out.
-        sensor: Sensor whose noise, answers to white and saturation count where left out: a built-in name, a path, or an object with ``to_toml``.
+        sensor: Sensor that gives noise, response to white and saturation where the calibration does not state them: a built-in name, a path, or an object with ``to_toml``.
         exposure_s: Exposure time, s: the dark signal of the sensor depends on it.
         linear_gain: Linear analogue gain, 1 = the system gain of the sensor.
         white_e: Electrons of white in a green pixel; needs a sensor. It gives `white_dn`, and `black_dn` where that is left out.

@@ -93,9 +93,9 @@ pub fn figures_that_vary(gathered: &Gathered) -> Vec<usize> {
     let described: Vec<usize> = (0..gathered.figures.len()).filter(has_decimals).collect();
     let all = if described.is_empty() { (0..gathered.figures.len()).collect() } else { described };
     let (varying, same): (Vec<usize>, Vec<usize>) = all.iter().copied().partition(|k| varies(gathered, *k));
-    let varying = varying.into_iter().filter(|k| !repeats_a_key(gathered, *k));
     let lacking = same.into_iter().filter(|k| is_lacking(gathered, *k));
-    let unlike: Vec<usize> = varying.chain(lacking).collect();
+    let unlike: Vec<usize> =
+        varying.into_iter().chain(lacking).filter(|k| !repeats_a_key(gathered, *k)).collect();
     let mut chosen = if unlike.is_empty() { all } else { unlike };
     if !chosen.iter().any(has_decimals) {
         chosen.truncate(SHOWN_FIGURES);

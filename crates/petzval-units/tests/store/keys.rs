@@ -275,7 +275,7 @@ fn every_job_writes_where_its_unit_says_and_takes_a_seed_if_it_has_one() {
         after.retain(|text| text != ".");
         assert!(after.iter().all(|text| text.starts_with("/store/work")), "{}: {kept}", call.job);
         placed += usize::from(!after.is_empty() && before != after);
-        // A folder that a call must name is none of a unit's business.
+        // A unit may leave out a folder that a call must name.
         let mut without = call.request.clone();
         leave_out(&mut without);
         if row.filled_in(without.clone()).is_err() {

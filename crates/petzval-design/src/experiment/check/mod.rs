@@ -11,9 +11,7 @@ use petzval_base::FileError;
 use petzval_camera::sensor::NoiseMode;
 
 use super::commented::tables;
-use super::{
-    BlockName, DetectorInput, Experiment, Keep, NetworkRole, PicturesKey, TaskFacts, Variant, variants,
-};
+use super::{BlockName, DetectorInput, Experiment, Keep, NetworkRole, TaskFacts, Variant, variants};
 use checked::Checked;
 
 /// One rule. Its error names key, value and a hint.
@@ -35,7 +33,6 @@ const RULES: &[Rule] = &[
     variants_can_be_made,
     losses_have_a_weight,
     scores_are_named_once,
-    photographs_alone_are_counted,
     grids_are_even,
     psf::files_and_kinds,
     psf::no_lens_moves,
@@ -164,18 +161,6 @@ fn scores_are_named_once(c: &Checked) -> Result<(), FileError> {
         Some((_, name)) => Err(c.at(&path, format!("`{name}` is named twice")).hint("name each score once")),
         None => Ok(()),
     }
-}
-
-/// `scoring.pictures` counts photographs; `street.held_out` counts the windows of scenes with labels.
-fn photographs_alone_are_counted(c: &Checked) -> Result<(), FileError> {
-    if c.experiment.scoring.pictures == 0 || c.facts.pictures == PicturesKey::Photos {
-        return Ok(());
-    }
-    let task = &c.experiment.task;
-    let message = format!("the task `{task}` scores windows of scenes, and this key counts photographs");
-    let hint =
-        "leave it out, and give the number of windows to `street.held_out`, for streets and for a folder";
-    Err(c.at(&["scoring", "pictures"], message).hint(hint))
 }
 
 fn grids_are_even(c: &Checked) -> Result<(), FileError> {
