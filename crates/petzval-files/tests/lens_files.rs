@@ -700,8 +700,8 @@ fn open_surfaces_keep_a_stated_size_that_holds_the_beams() {
     assert!(small == large && (12.4..12.7).contains(&small), "{small} {large}");
 }
 
-/// An optimised lens stands on the limit of its edges: there is no room around its beams of 9.9 mm, but for the stated size. The spheres meet
-/// at 9.95 mm.
+/// A lens on the limit of its edges: its beams reach 9.9 mm and its spheres meet at 9.95 mm, so that the stated size fits between, and the usual
+/// room around the beams does not.
 #[test]
 fn a_lens_on_the_limit_of_its_edges_keeps_its_stated_sizes() {
     let text = "name = \"edge\"\nunits = \"mm\"\n[aperture]\nentrance_pupil_diameter_mm = 19.8\n[wavelengths]\num = [0.5876]\n\
