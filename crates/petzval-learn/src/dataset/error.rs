@@ -68,9 +68,8 @@ pub enum DatasetError {
     },
     /// A picture cannot hold the training window.
     #[error(
-        "{name}: {height} x {width} pixels cannot hold a window of {needed} x {needed} (crop and margins); use larger pictures, or lower \
-         `training.crop` and `scoring.crop` by {} pixels or more (`psf.grid` makes the margins)",
-        needed.saturating_sub(*height.min(width))
+        "{name}: {height} x {width} pixels cannot hold a window of {needed} x {needed} (crop and margins); use larger pictures, or, for a \
+         new run, a smaller `psf.grid` or a smaller crop: the larger of `training.crop` and `scoring.crop` counts"
     )]
     PhotoTooSmall {
         /// The picture.

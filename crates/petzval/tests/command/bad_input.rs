@@ -177,7 +177,7 @@ fn experiments_that_do_not_fit_together() {
         case(
             "crop = 64",
             "crop = 1000",
-            &[".png", "cannot hold a window", "lower `training.crop` and `scoring.crop`"],
+            &[".png", "cannot hold a window", "the larger of `training.crop` and `scoring.crop` counts"],
         ),
         case("grid = 64\n", "grid = 1024\n", &["cannot hold a window"]),
         case(
@@ -386,7 +386,10 @@ fn photographs() {
         ("broken", &["broken/b.png: cannot decode", "use an undamaged PNG"]),
         (
             "small",
-            &["a.png: 50 x 40 pixels cannot hold a window", "lower `training.crop` and `scoring.crop` by"],
+            &[
+                "a.png: 50 x 40 pixels cannot hold a window",
+                "the larger of `training.crop` and `scoring.crop` counts",
+            ],
         ),
         ("same", &["b.png", "a.png", "same picture"]),
         (
