@@ -143,6 +143,13 @@ fn kitti_tracks_are_objects_of_the_frames_of_their_films() {
     let unlabelled = first(DefectKind::PictureWithoutLabels);
     assert!(unlabelled.count == 1 && unlabelled.first[0].ends_with("000000.png"), "{unlabelled:?}");
 
+    // Of two pictures of one frame the first is used, and the second is noted.
+    write_png(root, "training/image_02/0001/000000.webp", 100, 40);
+    let converted = convert(SourceFormat::Kitti, root, None, &Cancel::default()).unwrap();
+    assert_eq!(objects(&converted), found);
+    let unlabelled = converted.defects.iter().find(|d| d.kind == DefectKind::PictureWithoutLabels).unwrap();
+    assert!(unlabelled.count == 2 && unlabelled.first[0].ends_with("000000.webp"), "{unlabelled:?}");
+
     write(root, "training/label_02/0001.txt", "0 7 Van 0 1\n");
     fails(SourceFormat::Kitti, root, &["0001.txt: line 1: `0 7 Van 0 1`", "has 5 values"]);
     std::fs::remove_dir_all(root.join("training/image_02")).unwrap();

@@ -3,6 +3,7 @@
 //! A line is `frame track_id`, and behind these what a line of [detection](super::kitti) holds. Films become sequences, and the number of a track the
 //! attribute `track`. A frame without a line shows no object. <https://www.cvlibs.net/datasets/kitti/eval_tracking.php>
 
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::path::Path;
@@ -34,9 +35,17 @@ pub(super) fn convert(base: &Path, turned: Option<bool>, cancel: &Cancel) -> Res
     for picture in pictures_among(&files.pictures) {
         let film = picture.parent().and_then(Path::file_name).unwrap_or(OsStr::new(""));
         let frame = picture.file_stem().and_then(|stem| stem.to_str()?.parse::<u32>().ok());
-        // Other pictures are of no frame, and so are second ones of a frame.
-        let known = frame.map(|frame| films.entry(film).or_default().insert(frame, picture));
-        unlabelled.extend(known.unwrap_or(Some(picture)));
+        // A frame has its first picture: further ones, and those without a number, are of no frame.
+        let Some(frame) = frame else {
+            unlabelled.push(picture);
+            continue;
+        };
+        match films.entry(film).or_default().entry(frame) {
+            Entry::Vacant(place) => {
+                place.insert(picture);
+            }
+            Entry::Occupied(_) => unlabelled.push(picture),
+        }
     }
     let mut regions = Regions::default();
     for path in &files.labels {
