@@ -38,8 +38,8 @@ use crate::coco::spelling::composed_path;
 /// Shares may exceed 0..1 by rounding; what is further out is in pixels.
 const ROUNDING: f64 = 0.01;
 
-/// How far the corners of a rotated box may reach over the border of the picture, in shares of it: the box is clipped. What is further out is in
-/// pixels.
+/// How far the corners of a rotated box, which are those of a parallelogram, may reach over the border of the picture, in shares of it: the box is
+/// clipped. What is further out is in pixels.
 const OVERHANG: f64 = 0.5;
 
 /// Reads a folder.
@@ -237,21 +237,23 @@ fn parse_line(
         FileError::at_line(number, words[0], format!("there is no class of this number among {classes}"))
             .hint("classes are numbered from 0, in the order of `names`")
     })?;
-    let over = if is_outline && words.len() == 9 { OVERHANG } else { ROUNDING };
     let mut shares = Vec::with_capacity(words.len() - 1);
-    for (i, word) in words[1..].iter().enumerate() {
+    for word in &words[1..] {
         let share = word.parse().ok().filter(|v: &f64| v.is_finite());
         let Some(share) = share else {
             return Err(FileError::at_line(number, word, "this is no number")
                 .hint("write a finite number, with a point"));
         };
-        // Keypoints are not read: some programs write points that are not seen as -1, and how well one is seen as 2.
-        let is_keypoint = is_pose && i >= 4;
-        if !is_keypoint && !(-over..=1.0 + over).contains(&share) {
-            return Err(FileError::at_line(number, word, "this is no share of the picture, 0 to 1")
-                .hint("divide pixels by the width or height of the picture"));
-        }
         shares.push(share);
+    }
+    let over = if is_outline && is_parallelogram(&shares) { OVERHANG } else { ROUNDING };
+    // Keypoints are not read: some programs write points that are not seen as -1, and how well one is seen as 2.
+    let read = if is_pose { 4 } else { shares.len() };
+    let is_out = |share: &f64| !(-over..=1.0 + over).contains(share);
+    if let Some(at) = shares[..read].iter().position(is_out) {
+        let reason = "this is no share of the picture, 0 to 1";
+        return Err(FileError::at_line(number, words[1 + at], reason)
+            .hint("divide pixels by the width or height of the picture"));
     }
     let shape = match shares[..] {
         [x, y, width, height, ..] if !is_outline => {
@@ -260,6 +262,12 @@ fn parse_line(
         _ => Shape::Points(shares.chunks_exact(2).map(|point| [point[0], point[1]]).collect()),
     };
     Ok((class as usize, shape))
+}
+
+/// Whether values are the x and y of the corners of a parallelogram, in shares of the picture and up to rounding: a rotated rectangle is one.
+fn is_parallelogram(shares: &[f64]) -> bool {
+    let [ax, ay, bx, by, cx, cy, dx, dy] = *shares else { return false };
+    [ax + cx - bx - dx, ay + cy - by - dy].iter().all(|off| off.abs() <= 2.0 * ROUNDING)
 }
 
 /// Whether points, in pixels, are the corners of a rectangle whose edges are not those of the picture. Corners may be a pixel off.
@@ -291,11 +299,15 @@ mod tests {
         let outline = vec![[0.25, 0.5], [0.75, 0.5], [0.5, 0.75]];
         let read = parse_line(1, "1.0 0.25 0.5 0.75 0.5 0.5 0.75", 2, None).unwrap();
         assert_eq!(read, (1, Shape::Points(outline)));
-        // Corners reach over the border, in shares; points of outlines do not.
-        let corners = "1 0.9 0.4 1.02 0.5 0.9 0.6 -0.2 0.5";
-        let over = vec![[0.9, 0.4], [1.02, 0.5], [0.9, 0.6], [-0.2, 0.5]];
+        // Corners of a rotated box reach over the border, in shares; points of outlines do not, nor corners in pixels.
+        let corners = "1 0.9 0.4 1.02 0.5 0.9 0.6 0.78 0.5";
+        let over = vec![[0.9, 0.4], [1.02, 0.5], [0.9, 0.6], [0.78, 0.5]];
         assert_eq!(parse_line(1, corners, 2, None).unwrap(), (1, Shape::Points(over)));
-        for wrong in ["1 0.9 0.4 1.6 0.5 0.9 0.6 0.8 0.5", "1 0.9 0.4 1.02 0.5 0.9 0.6"] {
+        for wrong in [
+            "1 0.9 0.4 1.02 0.5 0.9 0.6 -0.2 0.5",
+            "1 0.9 0.4 1.6 0.5 0.9 0.6 0.2 0.5",
+            "1 0.9 0.4 1.02 0.5 0.9 0.6",
+        ] {
             let error = parse_line(1, wrong, 2, None).unwrap_err().to_string();
             assert!(error.contains("no share of the picture"), "{error}");
         }
