@@ -84,11 +84,10 @@ pub(super) fn take_first_names(
         let first: usize = *firsts.entry(place).or_insert(number);
         let name = images[first].file_name.clone();
         if images[number].file_name != name {
-            let (ids, image) = ([images[first].id, images[number].id], &mut images[number]);
+            let image = &mut images[number];
             let stated = std::mem::replace(&mut image.file_name, name);
-            defects.add(DefectKind::RepeatedFile, || {
-                format!("images {} and {}: {} and {stated}", ids[0], ids[1], image.file_name)
-            });
+            // Where several files were joined, ids are no longer those that the files state.
+            defects.add(DefectKind::RepeatedFile, || format!("{} and {stated}", image.file_name));
         }
     }
     Ok(())
