@@ -1,6 +1,6 @@
 //! Pictures that were decoded as a whole: their digests, remembered from one check to the next.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::io;
 use std::ops::Range;
 use std::path::Path;
@@ -184,8 +184,12 @@ pub(crate) fn checked_heads(
     // In the order of the pictures, whichever was decoded first.
     let (heads, notes): (Vec<Head>, Vec<Vec<String>>) = heads.into_iter().unzip();
     let mut all = remembered.notes.lock().unwrap_or_else(PoisonError::into_inner);
+    // Two entries of one file are one picture.
+    let mut seen = HashSet::new();
     for (picture, notes) in pictures.iter().zip(&notes) {
-        if let Some(picture) = picture {
+        if let Some(picture) = picture
+            && seen.insert((picture.path(), &picture.name))
+        {
             all.add(&picture.name, notes);
         }
     }
@@ -274,7 +278,9 @@ mod tests {
             std::fs::File::options().write(true).open(&path).unwrap().set_modified(old).unwrap();
             StoredPicture::file(path)
         };
-        let pictures = [file("a.exr", 0), file("b.exr", 2), file("c.exr", 5)];
+        let files = [file("a.exr", 0), file("b.exr", 2), file("c.exr", 5)];
+        // Two entries of one file are no other picture.
+        let pictures = [&files[0], &files[1], &files[2], &files[1]].map(Clone::clone);
         let memory = root.path().join("memory.json");
         let check = |remembered: &CheckedPictures| {
             check_stored(&pictures, remembered, &|_| Ok(())).unwrap();
