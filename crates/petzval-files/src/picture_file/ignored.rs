@@ -1,6 +1,6 @@
 //! Notes on what a picture file says about its pixels that is not obeyed.
 
-use std::io::Cursor;
+use std::io::{BufRead, Seek};
 
 use ::image::codecs::hdr::HdrMetadata;
 use ::image::codecs::webp::WebPDecoder;
@@ -36,10 +36,10 @@ pub fn primaries_note(xy: &PrimariesXy) -> Option<String> {
 }
 
 /// Notes on the colour chunks of a PNG other than a profile, and on an animation.
-pub fn png_notes(bytes: &[u8]) -> Vec<String> {
+pub fn png_notes(source: impl BufRead + Seek) -> Vec<String> {
     let mut notes = Vec::new();
     // A file that cannot be read is refused elsewhere.
-    let Ok(reader) = png::Decoder::new(Cursor::new(bytes)).read_info() else { return notes };
+    let Ok(reader) = png::Decoder::new(source).read_info() else { return notes };
     let info = reader.info();
     if info.animation_control.is_some_and(|animation| animation.num_frames > 1) {
         notes.push(ANIMATION.to_owned());
@@ -68,15 +68,15 @@ pub fn png_notes(bytes: &[u8]) -> Vec<String> {
 }
 
 /// A note on a WebP file that is an animation.
-pub fn webp_notes(bytes: &[u8]) -> Vec<String> {
-    let decoder = WebPDecoder::new(Cursor::new(bytes));
+pub fn webp_notes(source: impl BufRead + Seek) -> Vec<String> {
+    let decoder = WebPDecoder::new(source);
     let is_animation = decoder.is_ok_and(|decoder| decoder.has_animation());
     is_animation.then(|| ANIMATION.to_owned()).into_iter().collect()
 }
 
 /// A note on a TIFF of several pages.
-pub fn tiff_notes(bytes: &[u8]) -> Vec<String> {
-    let first = tiff::decoder::Decoder::new(Cursor::new(bytes));
+pub fn tiff_notes(source: impl BufRead + Seek) -> Vec<String> {
+    let first = tiff::decoder::Decoder::new(source);
     let has_more = first.is_ok_and(|first| first.more_images());
     has_more.then(|| "it has several pages, of which only the first is used".to_owned()).into_iter().collect()
 }

@@ -10,7 +10,7 @@ mod notes;
 mod open;
 mod size;
 
-use std::io::Cursor;
+use std::io::{BufRead, Cursor, Seek};
 use std::path::Path;
 
 use ::image::codecs::hdr::HdrDecoder;
@@ -87,7 +87,7 @@ pub fn load_image_bytes(bytes: &[u8], name: &str) -> Result<Picture, ImageError>
                 return Err(decode(NO_FORMAT.to_owned()));
             }
             let mut decoder = decoder_of(reader).map_err(undecodable)?;
-            let mut notes = statements(bytes, format, &mut decoder);
+            let mut notes = statements(Cursor::new(bytes), format, &mut decoder);
             let head = PictureHead::of(&mut decoder, format, bytes.len() as u64).checked(name)?;
             let Decoded { light, is_linear, transparent } = decoded(decoder, head).map_err(undecodable)?;
             notes.extend(transparent.note(light.height * light.width));
@@ -116,12 +116,16 @@ pub fn load_image_bytes(bytes: &[u8], name: &str) -> Result<Picture, ImageError>
     Ok(picture)
 }
 
-/// Notes on what a file says about its pixels, before they are decoded.
-fn statements(bytes: &[u8], format: Option<ImageFormat>, decoder: &mut impl ImageDecoder) -> Vec<String> {
+/// Notes on what a file says about its pixels, before they are decoded. `source`: the file from its start.
+fn statements(
+    source: impl BufRead + Seek,
+    format: Option<ImageFormat>,
+    decoder: &mut impl ImageDecoder,
+) -> Vec<String> {
     let mut notes = match format {
-        Some(ImageFormat::Png) => png_notes(bytes),
-        Some(ImageFormat::Tiff) => tiff_notes(bytes),
-        Some(ImageFormat::WebP) => webp_notes(bytes),
+        Some(ImageFormat::Png) => png_notes(source),
+        Some(ImageFormat::Tiff) => tiff_notes(source),
+        Some(ImageFormat::WebP) => webp_notes(source),
         _ => Vec::new(),
     };
     match decoder.icc_profile() {
@@ -153,10 +157,26 @@ struct Transparent {
 }
 
 impl Transparent {
-    /// Counts a pixel with this alpha, from 0 to 1.
-    fn add(&mut self, alpha: f32) {
-        self.pixels += usize::from(alpha < 1.0);
-        self.clear += usize::from(alpha == 0.0);
+    /// Counts those of a picture.
+    fn of(picture: &DynamicImage) -> Self {
+        match picture {
+            DynamicImage::ImageLumaA8(gray) => Self::among(gray.pixels().map(|pixel| pixel[1]), u8::MAX),
+            DynamicImage::ImageLumaA16(gray) => Self::among(gray.pixels().map(|pixel| pixel[1]), u16::MAX),
+            DynamicImage::ImageRgba8(colour) => Self::among(colour.pixels().map(|pixel| pixel[3]), u8::MAX),
+            DynamicImage::ImageRgba16(colour) => Self::among(colour.pixels().map(|pixel| pixel[3]), u16::MAX),
+            DynamicImage::ImageRgba32F(colour) => Self::among(colour.pixels().map(|pixel| pixel[3]), 1.0),
+            _ => Self::default(),
+        }
+    }
+
+    /// Counts alphas, of which `opaque` is the largest and 0 that of a clear pixel.
+    fn among<A: PartialOrd + Default>(alphas: impl Iterator<Item = A>, opaque: A) -> Self {
+        let mut found = Self::default();
+        for alpha in alphas {
+            found.pixels += usize::from(alpha < opaque);
+            found.clear += usize::from(alpha == A::default());
+        }
+        found
     }
 
     /// What is to say of a picture of so many pixels.
@@ -196,7 +216,7 @@ fn decoded(decoder: impl ImageDecoder, head: PictureHead) -> ::image::ImageResul
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     let mut out = LinearImage::zeros(CHANNELS, height, width);
     let plane = height * width;
-    let mut transparent = Transparent::default();
+    let transparent = Transparent::of(&picture);
     // Turn a strip at a time into four samples a pixel, which would otherwise be a second picture in memory.
     for top in (0..picture.height()).step_by(STRIP_ROWS as usize) {
         let strip = picture.crop_imm(0, top, picture.width(), STRIP_ROWS.min(picture.height() - top));
@@ -204,14 +224,12 @@ fn decoded(decoder: impl ImageDecoder, head: PictureHead) -> ::image::ImageResul
         if eight_bit {
             for (i, pixel) in (first..).zip(strip.to_rgba8().pixels()) {
                 let alpha = pixel[3] as f32 / 255.0;
-                transparent.add(alpha);
                 for c in 0..CHANNELS {
                     out.data[c * plane + i] = table[pixel[c] as usize] * alpha;
                 }
             }
         } else {
             for (i, pixel) in (first..).zip(strip.to_rgba32f().pixels()) {
-                transparent.add(pixel[3]);
                 for c in 0..CHANNELS {
                     out.data[c * plane + i] = light(pixel[c]) * pixel[3];
                 }

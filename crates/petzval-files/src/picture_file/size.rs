@@ -10,7 +10,7 @@ use super::cut_off::{CUT_OFF, is_cut_off};
 use super::error::{ImageError, NO_FORMAT, undecoded};
 use super::head::{OLD_HDR, PictureHead};
 use super::open::{decoder_of, format_of, reader_of};
-use super::{exr_file, load_image_bytes, picture_bytes, statements};
+use super::{Transparent, exr_file, load_image_bytes, statements};
 
 /// Columns and rows of a picture as [`load_image`](super::load_image) reads it, the right way up. Pixels are not decoded.
 pub fn picture_size(path: &Path) -> Result<(u32, u32), ImageError> {
@@ -18,17 +18,20 @@ pub fn picture_size(path: &Path) -> Result<(u32, u32), ImageError> {
 }
 
 /// What a picture file says about its pixels that is not obeyed. Pixels are not decoded: transparent ones, and light below zero, are not counted,
-/// and OpenEXR and Radiance files give none.
+/// and OpenEXR and Radiance files give none. Of a JPEG the whole file is read, of others the head.
 pub fn picture_statements(path: &Path) -> Result<Vec<String>, ImageError> {
-    let bytes = picture_bytes(path)?;
-    let format = format_of(&bytes);
+    let open = || {
+        let io = |source| ImageError::Io { path: path.to_owned(), source };
+        petzval_base::open_file(path).map(BufReader::new).map_err(io)
+    };
+    let decode = |reason: String| ImageError::Decode { name: path.display().to_string(), reason };
+    let reader = reader_of(open()?).map_err(|e| decode(e.to_string()))?;
+    let format = reader.format();
     if matches!(format, None | Some(ImageFormat::OpenExr | ImageFormat::Hdr)) {
         return Ok(Vec::new());
     }
-    let decode = |reason: String| ImageError::Decode { name: path.display().to_string(), reason };
-    let reader = reader_of(Cursor::new(&bytes[..])).map_err(|e| decode(e.to_string()))?;
     let mut decoder = decoder_of(reader).map_err(|e| decode(undecoded(&e)))?;
-    Ok(statements(&bytes, format, &mut decoder))
+    Ok(statements(open()?, format, &mut decoder))
 }
 
 /// Whether EXIF turns or mirrors a picture: [`load_image`](super::load_image) gives its pixels in another order than the file has them.
@@ -92,12 +95,8 @@ pub(crate) fn check_decodes(bytes: &[u8], name: &str) -> Result<Vec<String>, Ima
     }
     let reader = reader_of(Cursor::new(bytes)).map_err(|e| decode(e.to_string()))?;
     let mut decoder = reader.into_decoder().map_err(|e| decode(undecoded(&e)))?;
-    let notes = statements(bytes, format, &mut decoder);
+    let mut notes = statements(Cursor::new(bytes), format, &mut decoder);
     let picture = DynamicImage::from_decoder(decoder).map_err(|e| decode(undecoded(&e)))?;
-    // How many pixels are transparent is counted in light.
-    if picture.color().has_alpha() {
-        drop(picture);
-        return load_image_bytes(bytes, name).map(|picture| picture.notes);
-    }
+    notes.extend(Transparent::of(&picture).note(picture.width() as usize * picture.height() as usize));
     Ok(notes)
 }

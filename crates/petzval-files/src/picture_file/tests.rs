@@ -113,14 +113,32 @@ fn a_transparent_picture_is_noted() {
         eight.put_pixel(3, 4, ::image::Rgba([200, 100, 50, one]));
         let eight = DynamicImage::ImageRgba8(eight);
         let sixteen = DynamicImage::ImageRgba16(eight.to_rgba16());
-        for picture in [eight, sixteen] {
+        let gray = DynamicImage::ImageLumaA8(eight.to_luma_alpha8());
+        let fine_gray = DynamicImage::ImageLumaA16(eight.to_luma_alpha16());
+        for picture in [eight, sixteen, gray, fine_gray] {
             let mut bytes = Cursor::new(Vec::new());
             picture.write_to(&mut bytes, ImageFormat::Png).unwrap();
             let found = load_image_bytes(bytes.get_ref(), "clear.png").unwrap().notes;
             assert_eq!(found.len(), usize::from(starts.is_some()), "{found:?}");
             assert!(found.iter().all(|note| note.starts_with(starts.unwrap_or("none"))), "{found:?}");
+            assert_eq!(check_decodes(bytes.get_ref(), "clear.png").unwrap(), found);
         }
     }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn what_a_file_says_is_read_from_its_head() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("large.png");
+    let mut encoder = PngEncoder::new(std::fs::File::create(&path).unwrap());
+    encoder.set_icc_profile(vec![7; 300]).unwrap();
+    RgbImage::new(8, 8).write_with_encoder(encoder).unwrap();
+    // A sparse file of more bytes than are read.
+    let file = std::fs::File::options().write(true).open(&path).unwrap();
+    file.set_len(MOST_PICTURE_BYTES + 1).unwrap();
+    let found = picture_statements(&path).unwrap();
+    assert_eq!(found, ["its ICC profile (that cannot be read) is ignored: values are taken as sRGB"]);
 }
 
 #[test]
