@@ -113,6 +113,13 @@ fn folders_that_cannot_train_or_score_a_detector_are_refused() {
     mark(few.path(), |_| r#""sequence": "drive""#.to_owned());
     let error = load(few.path(), CROP).unwrap_err();
     assert!(error.contains("of one sequence") && error.contains("left for scoring"), "{error}");
+    // A small picture among those for training is not why none is left for scoring.
+    let annotations = few.path().join("annotations.json");
+    let text = std::fs::read_to_string(&annotations).unwrap();
+    std::fs::write(&annotations, text.replacen("\"height\": 100", "\"height\": 50", 1)).unwrap();
+    image::RgbImage::new(120, 50).save(few.path().join("01.png")).unwrap();
+    let error = load(few.path(), CROP).unwrap_err();
+    assert!(error.contains("of one sequence") && !error.contains("smaller than a window"), "{error}");
     let other = tempfile::tempdir().unwrap();
     folder(other.path(), 15, "cow");
     let (_, notes) = load(other.path(), CROP).unwrap();

@@ -6,6 +6,7 @@ use petzval_camera::psf::PsfLayout;
 use petzval_camera::render::kernel_radius;
 use petzval_camera::sensor::SensorModel;
 use petzval_files::stored_pictures;
+use petzval_learn::dataset::LEAST_SCORED;
 use rayon::prelude::*;
 
 use crate::cameras::SURROUND;
@@ -14,9 +15,6 @@ use crate::experiment::{BUILT_IN_PHOTOS, Experiment, PicturesKey, PsfConfig};
 
 /// Shortest side of the built-in photographs, pixels.
 const SHORTEST: usize = 200;
-
-/// Smallest windows that are trained on and scored, pixels: LPIPS needs as many.
-const LEAST: usize = 64;
 
 /// Pixels around a window that blur and restoration bring into it.
 pub(super) fn border(psf: &PsfConfig, sensor: &SensorModel) -> Result<usize> {
@@ -78,7 +76,7 @@ pub(super) fn fit(
     };
     let mut notes = Vec::new();
     let before = experiment.psf.grid;
-    while room(&experiment.psf)? < LEAST && experiment.psf.grid > LEAST {
+    while room(&experiment.psf)? < LEAST_SCORED && experiment.psf.grid > LEAST_SCORED {
         experiment.psf.grid = (experiment.psf.grid - experiment.psf.grid / 8) / 2 * 2;
     }
     if experiment.psf.grid != before {
@@ -101,9 +99,18 @@ pub(super) fn fit(
 
 #[cfg(test)]
 mod tests {
+    use petzval_base::parameter::Parameters;
     use petzval_camera::image::LinearImage;
 
     use super::*;
+    use crate::experiment::ScoringConfig;
+
+    #[test]
+    fn the_least_window_is_that_of_the_table() {
+        let table = ScoringConfig::table();
+        let crop = table.parameters.iter().find(|parameter| parameter.name == "crop").unwrap();
+        assert_eq!(crop.min, LEAST_SCORED as f64);
+    }
 
     #[test]
     fn the_built_in_photographs_are_no_smaller() {
@@ -129,7 +136,7 @@ mod tests {
             (experiment.psf.grid, experiment.psf.pitch_um) = (grid, pitch_um);
             assert!(!fit(&mut experiment, PicturesKey::Photos, &sensor).unwrap().is_empty());
             assert_eq!(experiment.psf.grid == grid, keeps_grid);
-            assert!(experiment.scoring.crop >= LEAST && experiment.scoring.crop < 120);
+            assert!(experiment.scoring.crop >= LEAST_SCORED && experiment.scoring.crop < 120);
             assert!(experiment.psf.grid.is_multiple_of(2));
         }
     }

@@ -165,14 +165,16 @@ impl LabelledPictures {
         notes.extend(small.sentence());
         for (name, list) in [("training", List::Training), ("scoring", List::HeldOut)] {
             if found.list(list).is_empty() && (trains || list == List::HeldOut) {
-                let why = match small.sentence() {
+                // Small pictures of another list are not why this one is empty.
+                let remedy = small.remedy(list, purpose);
+                let why = match small.sentence().filter(|_| remedy.is_some()) {
                     Some(small) => format!(": {small}"),
                     None if sequences.len() == 1 => {
                         ": all pictures are of one sequence; `split` names parts".to_owned()
                     }
                     None => String::new(),
                 };
-                let hint = small.remedy(list, purpose).unwrap_or_else(|| DATA_CHECK.to_owned());
+                let hint = remedy.unwrap_or_else(|| DATA_CHECK.to_owned());
                 return Err(wrong(format!("no picture is left for {name}{why}"), hint));
             }
         }

@@ -40,5 +40,6 @@ pub use photo_set::{PhotoSet, PhotoSplit};
 pub use picture_file::PictureFile;
 pub use relight::{light_factors, relight};
 pub use shelf::{Shelf, TakesBytes};
+pub use small_pictures::LEAST_SCORED;
 pub use street_plan::{PlacedWindow, StreetPlan, StreetView};
 pub use street_thing::StreetThing;

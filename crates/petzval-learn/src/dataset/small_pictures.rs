@@ -3,7 +3,7 @@
 use super::{List, Purpose};
 
 /// Least side of a window for scores, `scoring.crop` of an experiment, pixels.
-const LEAST_SCORED: usize = 64;
+pub const LEAST_SCORED: usize = 64;
 
 /// The pictures that are smaller than a window.
 pub(super) struct SmallPictures {
