@@ -21,7 +21,9 @@ use super::crop::around;
 use super::label_file::{LabelFile, drawn_pixel};
 use super::labelled_window::{LARGEST_SHARE, LEAST_INSIDE, crop_around, drawn_by_class, inside, off_middle};
 use super::small_pictures::SmallPictures;
-use super::{Classes, CropPlan, DatasetError, FirstReads, LabelledWindow, List, PictureFile, READ_AT_ONCE};
+use super::{
+    Classes, CropPlan, DatasetError, FirstReads, LabelledWindow, List, PictureFile, Purpose, READ_AT_ONCE,
+};
 use crate::detection::{BBox, Ignored, Object, Truth};
 
 /// Where a data set says nothing of its parts: of every so many sequences, the last is held out and the one before it is for validation.
@@ -66,17 +68,6 @@ pub struct PictureWindows {
     pub on_objects: f64,
     /// Least longer side of an object that counts, pixels.
     pub least_side_px: f64,
-}
-
-/// What the pictures of a folder are for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Purpose {
-    /// Training and scores.
-    Training,
-    /// Training, validation and scores.
-    ValidatedTraining,
-    /// Scores alone: all of them are held out.
-    Scores,
 }
 
 impl LabelledPictures {

@@ -72,6 +72,17 @@ pub enum List {
     HeldOut,
 }
 
+/// What the pictures of a folder are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// Training and scores.
+    Training,
+    /// Training, validation and scores.
+    ValidatedTraining,
+    /// Scores alone: all of them are held out.
+    Scores,
+}
+
 /// A window of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LabelledWindow {

@@ -11,7 +11,7 @@ use std::path::Path;
 use petzval_base::{Cancel, FileError};
 
 use super::builder::{Builder, Converted};
-use super::kitti::{Files, Line, Regions, line_of};
+use super::kitti_lines::{Files, Line, Regions, line_of};
 use super::tree::{labels_text, pictures_among};
 use crate::coco::defect::DefectKind;
 use crate::coco::error::CocoError;

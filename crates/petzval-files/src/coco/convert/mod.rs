@@ -8,6 +8,7 @@ mod bdd100k;
 mod builder;
 mod image_sets;
 mod kitti;
+mod kitti_lines;
 mod kitti_tracking;
 mod tree;
 mod voc;
