@@ -1,6 +1,5 @@
 //! All runs below a folder in one table, and all units of the stores there.
 
-use std::cmp::Reverse;
 use std::collections::{BTreeMap, HashSet};
 use std::fs::{self, FileType};
 use std::path::{Path, PathBuf};
@@ -52,30 +51,24 @@ pub struct UnitRow {
 }
 
 impl Runs {
-    /// The keys in which the runs of each title differ, in the order in which they are shown. A key with more values comes first; of as many, a seed;
-    /// then the one that divides the runs more evenly. So one odd run does not hide the keys in which the others differ.
-    pub fn keys_in_order(&self) -> BTreeMap<&str, Vec<&str>> {
-        let rows = self.runs.iter().chain(self.units.iter().filter_map(|unit| unit.run.as_ref()));
-        let mut titles: BTreeMap<&str, CountedKeys<'_>> = BTreeMap::new();
-        for row in rows {
-            let keys = titles.entry(row.experiment.as_str()).or_default();
-            for (key, value) in &row.differs {
-                *keys.entry(key.as_str()).or_default().entry(value.as_str()).or_default() += 1;
+    /// The keys in which a run differs from others of its title, in the order in which they are shown: first those that distinguish it from the runs that
+    /// are most like it. Each other run gives a weight of one, evenly over the keys in which the two differ. So one odd run does not hide the keys in
+    /// which the others differ.
+    pub fn keys_in_order<'r>(&self, row: &'r RunRow) -> Vec<&'r str> {
+        let units = self.units.iter().filter_map(|unit| unit.run.as_ref());
+        let siblings = self.runs.iter().chain(units).filter(|other| other.experiment == row.experiment);
+        let mut weights: BTreeMap<&str, f64> = row.differs.keys().map(|key| (key.as_str(), 0.0)).collect();
+        for other in siblings {
+            let differ = |key: &&str| row.differs.get(*key) != other.differs.get(*key);
+            let keys: Vec<&str> = weights.keys().copied().filter(differ).collect();
+            for key in &keys {
+                *weights.entry(key).or_default() += 1.0 / keys.len() as f64;
             }
         }
-        titles.into_iter().map(|(title, keys)| (title, in_order(keys))).collect()
+        let mut keys: Vec<(&str, f64)> = weights.into_iter().collect();
+        keys.sort_by(|a, b| b.1.total_cmp(&a.1));
+        keys.into_iter().map(|(key, _)| key).collect()
     }
-}
-
-/// How many runs have each value of each key.
-type CountedKeys<'r> = BTreeMap<&'r str, BTreeMap<&'r str, usize>>;
-
-/// The keys in the order of [`Runs::keys_in_order`].
-fn in_order(keys: CountedKeys<'_>) -> Vec<&str> {
-    let mut keys: Vec<_> = keys.into_iter().collect();
-    let is_seed = |key: &str| key.rsplit('.').next() == Some("seed");
-    keys.sort_by_key(|(key, counts)| (Reverse(counts.len()), !is_seed(key), counts.values().copied().max()));
-    keys.into_iter().map(|(key, _)| key).collect()
 }
 
 /// Every run and every unit of a store in a folder and below it; a folder that is a run itself is the only row. A damaged run or unit
@@ -262,12 +255,11 @@ mod tests {
     #[test]
     fn an_odd_run_does_not_hide_the_keys_in_which_the_others_differ() {
         let of = |crop, noise, seed| row(&[("crop", crop), ("noise", noise), ("seed", seed)]);
-        let rows = vec![of("96", "on", "1"), of("96", "off", "1"), of("96", "on", "2"), of("64", "off", "1")];
-        let mut runs = Runs { runs: rows, ..Runs::default() };
-        assert_eq!(runs.keys_in_order()["street"], ["seed", "noise", "crop"]);
-        // Three values are more than two of a seed.
-        runs.runs[1].differs.insert("noise".to_owned(), "low".to_owned());
-        assert_eq!(runs.keys_in_order()["street"], ["noise", "seed", "crop"]);
+        let rows = vec![of("96", "on", "1"), of("96", "on", "2"), of("96", "on", "1"), of("64", "off", "1")];
+        let runs = Runs { runs: rows, ..Runs::default() };
+        let keys = |i: usize| runs.keys_in_order(&runs.runs[i]);
+        assert_eq!([keys(0), keys(1), keys(2)], [["seed", "crop", "noise"]; 3]);
+        assert_eq!(keys(3), ["crop", "noise", "seed"]);
     }
 
     #[test]

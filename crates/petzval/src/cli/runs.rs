@@ -1,6 +1,5 @@
 //! `petzval runs`: all runs below a folder in one table.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -61,7 +60,6 @@ fn in_words(runs: &Runs, args: &Args) -> String {
     if runs.runs.is_empty() && runs.units.is_empty() {
         return format!("no runs in {}\n", shown(&args.dir));
     }
-    let keys = runs.keys_in_order();
     let mut table = TextTable::new(["run", "state", "step", "time", "scores", "differs in"]);
     let mut reasons = String::new();
     for row in &runs.runs {
@@ -70,7 +68,7 @@ fn in_words(runs: &Runs, args: &Args) -> String {
         if let Some(reason) = &row.reason {
             reasons += &format!("{name}: {reason}\n");
         }
-        table.row([name, state, steps(row), time(row.seconds), scores(row), differs(row, &keys)]);
+        table.row([name, state, steps(row), time(row.seconds), scores(row), differs(row, runs)]);
     }
     for unit in &runs.units {
         // A store that cannot be read has no units.
@@ -89,7 +87,7 @@ fn in_words(runs: &Runs, args: &Args) -> String {
             run.map_or_else(none, steps),
             seconds.map_or_else(none, time),
             run.map_or_else(none, scores),
-            run.map_or_else(String::new, |run| differs(run, &keys)),
+            run.map_or_else(String::new, |run| differs(run, runs)),
         ]);
     }
     table.text() + &reasons
@@ -142,11 +140,11 @@ fn scores(row: &RunRow) -> String {
     }
 }
 
-/// The keys in which a run differs from others of its title, with its values, in their order.
-fn differs(row: &RunRow, keys: &BTreeMap<&str, Vec<&str>>) -> String {
-    let keys = keys.get(row.experiment.as_str()).into_iter().flatten();
-    let named = keys.filter_map(|key| Some(format!("{key}={}", row.differs.get(*key)?)));
-    let named: Vec<String> = named.take(NAMED).collect();
+/// The keys in which a run differs from others of its title, with its values.
+fn differs(row: &RunRow, runs: &Runs) -> String {
+    let keys = runs.keys_in_order(row).into_iter();
+    let named: Vec<String> =
+        keys.take(NAMED).filter_map(|key| Some(format!("{key}={}", row.differs.get(key)?))).collect();
     match row.differs.len().saturating_sub(NAMED) {
         0 => named.join(" "),
         more => format!("{} and {more} more", named.join(" ")),
