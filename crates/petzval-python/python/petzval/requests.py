@@ -2781,7 +2781,7 @@ class IspDevelopFrameFrameOptions(TypedDict, total=False):
     """Whether to estimate from the frame what is white."""
     sensor: str | "IspDevelopFrameFrameOptionsSensor1Input2TomlText" | None
     """Sensor: a built-in name, the path of a file, or the sensor itself; none means the built-in sensor that the
-    sidecar names, if any."""
+    sidecar names, if any. What the calibration of a frame states counts before it."""
     white_dn: float | None
     """Digital number of white light in a green pixel; none means that of the calibration, else the level of
     saturation."""
@@ -2871,7 +2871,7 @@ class IspTuneStartStart1NewPlanPlanFrameFrameOptions(TypedDict, total=False):
     """Whether to estimate from the frame what is white."""
     sensor: str | "IspTuneStartStart1NewPlanPlanFrameFrameOptionsSensor1Input2TomlText" | None
     """Sensor: a built-in name, the path of a file, or the sensor itself; none means the built-in sensor that the
-    sidecar names, if any."""
+    sidecar names, if any. What the calibration of a frame states counts before it."""
     white_dn: float | None
     """Digital number of white light in a green pixel; none means that of the calibration, else the level of
     saturation."""
