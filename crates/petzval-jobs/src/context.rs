@@ -214,19 +214,11 @@ impl Context {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[derive(Default)]
-    struct Kept(Mutex<Vec<String>>);
-
-    impl Watcher for Kept {
-        fn event(&self, event: &Event) {
-            self.0.lock().unwrap().push(event.to_string());
-        }
-    }
+    use crate::event::Lines;
 
     #[test]
     fn a_warning_is_said_once_by_whichever_part_of_a_job() {
-        let kept = Arc::new(Kept::default());
+        let kept = Arc::new(Lines::default());
         let context = Context::new(crate::built_in_assets(), kept.clone());
         let warning = |context: &Context, text: &str| context.warning(WarningKind::Other, text);
         warning(&context, "one");

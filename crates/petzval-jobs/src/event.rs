@@ -196,6 +196,18 @@ pub trait Watcher: Send + Sync {
     fn event(&self, event: &Event);
 }
 
+/// Keeps what a job says, in words.
+#[cfg(test)]
+#[derive(Default)]
+pub(crate) struct Lines(pub std::sync::Mutex<Vec<String>>);
+
+#[cfg(test)]
+impl Watcher for Lines {
+    fn event(&self, event: &Event) {
+        self.0.lock().unwrap().push(event.to_string());
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

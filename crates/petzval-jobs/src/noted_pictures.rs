@@ -47,17 +47,7 @@ mod tests {
     use petzval_files::save_exr;
 
     use super::*;
-    use crate::event::{Event, Watcher};
-
-    /// Keeps warnings.
-    #[derive(Default)]
-    struct Lines(Mutex<Vec<String>>);
-
-    impl Watcher for Lines {
-        fn event(&self, event: &Event) {
-            self.0.lock().unwrap().push(event.to_string());
-        }
-    }
+    use crate::event::Lines;
 
     #[test]
     fn what_files_say_is_a_warning_for_each_kind_once_all_are_read() {

@@ -569,20 +569,10 @@ fn sensor_of(info: &RawInfo, options: &FrameOptions, assets: &Library) -> Result
 
 #[cfg(test)]
 mod tests {
-    use std::sync::{Arc, Mutex};
+    use std::sync::Arc;
 
     use super::*;
-    use crate::event::{Event, Watcher};
-
-    /// Keeps warnings and notes.
-    #[derive(Default)]
-    struct Lines(Mutex<Vec<String>>);
-
-    impl Watcher for Lines {
-        fn event(&self, event: &Event) {
-            self.0.lock().unwrap().push(event.to_string());
-        }
-    }
+    use crate::event::Lines;
 
     /// What an ISP knows of a frame with this calibration, and what was said.
     fn read_with(calibration: &str, sensor: Option<&str>) -> (FrameData, Vec<String>) {

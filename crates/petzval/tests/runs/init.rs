@@ -67,7 +67,7 @@ fn with_decoys() -> tempfile::TempDir {
     folder
 }
 
-/// Two cameras, of which the first has the experiment's lens and the second a built-in one.
+/// Two cameras: one with the experiment's lens, one with a built-in lens.
 const TWO_LENSES: &str = r#"lens = "lens.toml"
 variant = [
     { name = "own", lens = "lens.toml", stage = [{ goal = "task", moves = ["network"] }] },

@@ -36,9 +36,6 @@ pub(super) struct Checkpoint {
     pub search: Evolution,
     /// Its generations so far.
     pub history: Vec<Generation>,
-    /// Settings that failed so far.
-    #[serde(default)]
-    pub failed: usize,
     /// Time so far, s.
     pub seconds: f64,
 }
@@ -78,7 +75,6 @@ impl Checkpoint {
             start: None,
             search,
             history: Vec::new(),
-            failed: 0,
             seconds: 0.0,
         }
     }

@@ -428,7 +428,7 @@ impl Tuner<'_> {
         points: &[Vec<f64>],
         scores: &[Scored],
         folder: &TuneFolder,
-        kept: &mut Checkpoint,
+        kept: &Checkpoint,
     ) -> Result<usize> {
         let failures =
             || points.iter().zip(scores).filter_map(|(values, score)| Some((values, score.as_ref().err()?)));
@@ -441,13 +441,13 @@ impl Tuner<'_> {
             );
             return Err(self.failed_at(values, reason, &hint));
         }
-        kept.failed += failed;
+        let before: usize = kept.history.iter().map(|generation| generation.failed).sum();
         self.context.warning(
             WarningKind::LeftOut,
             format!(
                 "generation {}: {failed} of {all} settings failed and count as the worst, {} since the search began; first at {}: {reason}",
                 kept.search.generation() + 1,
-                kept.failed,
+                before + failed,
                 self.varied(values)
             ),
         );
