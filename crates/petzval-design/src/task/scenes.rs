@@ -105,6 +105,17 @@ pub struct Scenes {
     cancel: Cancel,
 }
 
+/// An item of the training windows.
+struct TrainingItem {
+    number: u64,
+    /// Its whole window in the view of a step.
+    seen: Arc<LabelledWindow>,
+    /// The same without magnification.
+    unmagnified: Arc<LabelledWindow>,
+    /// What draws the part that is shown.
+    random: ChaCha8Rng,
+}
+
 /// The windows of one projection.
 #[derive(Default)]
 struct Kept {
@@ -233,32 +244,43 @@ impl Scenes {
         }
     }
 
+    /// The training windows of a step. First they are all there, one after the other: a window may wait for the thread that makes it. Then all threads
+    /// cut them.
     fn training_shots(&self, experiment: &Experiment, view: SceneView, step: u64) -> Result<Vec<Shot>> {
-        items_of(experiment, step).map(|item| self.training_shot(view, item)).collect()
+        let items: Vec<TrainingItem> =
+            items_of(experiment, step).map(|item| self.training_item(view, item)).collect::<Result<_>>()?;
+        Ok(items.into_par_iter().map(|item| self.training_shot(view, item)).collect())
     }
 
-    /// Item `item` of the training windows of a run: one of a fixed number of windows, every other time mirrored.
-    fn training_shot(&self, view: SceneView, item: u64) -> Result<Shot> {
-        let (number, mut random) = self.training_window(item);
-        let window = self.window(view, List::Training, number)?;
+    /// Item `number` of the training windows of a run: one of a fixed number of windows.
+    fn training_item(&self, view: SceneView, number: u64) -> Result<TrainingItem> {
+        let (window, random) = self.training_window(number);
+        let seen = self.window(view, List::Training, window)?;
+        // A part is chosen in the view as it is, and followed where it grows: a magnified window may show one object more or less.
+        let unmagnified = if view.magnification == 1.0 {
+            seen.clone()
+        } else {
+            self.window(SceneView { magnification: 1.0, ..view }, List::Training, window)?
+        };
+        Ok(TrainingItem { number, seen, unmagnified, random })
+    }
+
+    /// The part of its window that a training item shows, every other time mirrored.
+    fn training_shot(&self, view: SceneView, item: TrainingItem) -> Shot {
+        let TrainingItem { number, seen: mut window, unmagnified, mut random } = item;
         let [own, crops] = [self.crops(List::Training), self.training_crops].map(|c| self.behind(view, c));
         let is_mirrored = random.random();
-        let mut window = if own == crops {
-            window
-        } else {
-            // Chosen in the view as it is, and followed where it grows: a magnified window may show one object more or less.
-            let unmagnified = SceneView { magnification: 1.0, ..view };
-            let chosen = self.window(unmagnified, List::Training, number)?;
-            let middle = chosen.middle_of_part(own.crop, crops.crop, &mut random);
+        if own != crops {
+            let middle = unmagnified.middle_of_part(own.crop, crops.crop, &mut random);
             let axis = [crops.sensor_rows, crops.sensor_columns].map(|side| 0.5 * side as f32);
             let by = view.magnification as f32;
             let middle = [0, 1].map(|i| axis[i] + by * (middle[i] - axis[i]));
-            Arc::new(window.part(&own, &crops, middle))
-        };
+            window = Arc::new(window.part(&own, &crops, middle));
+        }
         if is_mirrored {
             window = Arc::new(window.mirrored(crops.crop, crops.sensor_columns));
         }
-        Ok(self.shot_of(&window, &crops, item))
+        self.shot_of(&window, &crops, number)
     }
 
     /// The window that a training item shows, and what draws the rest of it.
