@@ -71,11 +71,6 @@ impl Setup {
         Ok(Self { cameras: self.cameras.with_psfs(bank)?, windows: None, ..self })
     }
 
-    /// [`Setup::new`] to score cameras on pictures of which none trains: all those of the folder that the experiment names.
-    pub fn for_scores(experiment: Experiment, library: &Library, device: Device) -> Result<Self> {
-        Self::with_psfs(experiment, library, device, None, Purpose::Scores)
-    }
-
     /// [`Setup::new`] without windows, for what is not done with them.
     pub fn without_windows(experiment: Experiment, library: &Library, device: Device) -> Result<Self> {
         let task = library.tasks().of(&experiment)?;
