@@ -69,29 +69,37 @@ pub fn load_coco(place: &Path, cancel: &Cancel) -> Result<Loaded, CocoError> {
     let mut loaded = match annotation_files(place)?.as_slice() {
         [file] => {
             let (mut data, folders) = (entries(file, &mut defects, cancel)?, picture_folders(file));
-            take_other_spellings(&mut data.images, &folders, &mut defects, cancel)?;
-            take_first_names(&mut data.images, &folders, &mut defects, cancel)?;
+            let pictures = take_other_spellings(&mut data.images, &folders, &mut defects, cancel)?;
+            take_first_names(&mut data.images, &pictures, &mut defects, cancel)?;
             Loaded { data, defects, file: file.clone(), folders }
         }
         several => {
-            let mut parts = Vec::new();
+            let folders = vec![place.to_owned()];
+            let (mut parts, mut pictures) = (Vec::new(), Vec::new());
             for file in several {
                 let (mut data, part) =
                     (entries(file, &mut defects, cancel)?, part_of(file).unwrap_or_default());
                 // Two parts may have pictures of one name, each in its own folder.
-                let folders = picture_folders(file);
-                take_other_spellings(&mut data.images, &folders, &mut defects, cancel)?;
-                for image in &mut data.images {
+                let of_part = picture_folders(file);
+                let found = take_other_spellings(&mut data.images, &of_part, &mut defects, cancel)?;
+                for (image, path) in data.images.iter_mut().zip(found) {
                     cancel.check()?;
-                    let found = picture_in(&folders, &image.file_name);
-                    let below = found.as_deref().and_then(|path| path.strip_prefix(place).ok()?.to_str());
-                    image.file_name =
-                        below.map_or_else(|| format!("{part}/{}", image.file_name), str::to_owned);
+                    match path.as_deref().and_then(|path| path.strip_prefix(place).ok()?.to_str()) {
+                        Some(below) => {
+                            image.file_name = below.to_owned();
+                            pictures.push(path);
+                        }
+                        None => {
+                            image.file_name = format!("{part}/{}", image.file_name);
+                            pictures.push(picture_in(&folders, &image.file_name));
+                        }
+                    }
                 }
                 parts.push((part, data));
             }
-            let (mut data, folders) = (joined(parts, &mut defects), vec![place.to_owned()]);
-            take_first_names(&mut data.images, &folders, &mut defects, cancel)?;
+            // The whole has the pictures of its parts in their order.
+            let mut data = joined(parts, &mut defects);
+            take_first_names(&mut data.images, &pictures, &mut defects, cancel)?;
             Loaded { data, defects, file: place.to_owned(), folders }
         }
     };

@@ -28,7 +28,8 @@ pub(super) fn picture_in(folders: &[PathBuf], file_name: &str) -> Option<PathBuf
     }
 }
 
-/// Gives pictures whose files are not where their names say the names of the only files that can be meant, and notes them.
+/// Gives pictures whose files are not where their names say the names of the only files that can be meant, and notes them. Returns the file of each
+/// picture as [`picture_in`] finds it by the name that the picture has then.
 ///
 /// The name of the file may differ in the form of its letters (NFC, NFD) and in capitals of its ending, and the stated one may have signs as `%20`. Of
 /// a path of another machine or an address the last names count, as many as are here. Where a name means several files, or several names mean one
@@ -38,49 +39,48 @@ pub(super) fn take_other_spellings(
     folders: &[PathBuf],
     defects: &mut Defects,
     cancel: &Cancel,
-) -> Result<(), Cancelled> {
-    let direct: Vec<Option<PathBuf>> =
+) -> Result<Vec<Option<PathBuf>>, Cancelled> {
+    let mut files: Vec<Option<PathBuf>> =
         images.par_iter().map(|image| picture_in(folders, &image.file_name)).collect();
     cancel.check()?;
     let mut listings = Listings::default();
     let mut found: Vec<(usize, PathBuf)> = Vec::new();
-    for (place, image) in images.iter().enumerate().filter(|(place, _)| direct[*place].is_none()) {
+    for (place, image) in images.iter().enumerate().filter(|(place, _)| files[*place].is_none()) {
         cancel.check()?;
         found.extend(listings.only_file(folders, &image.file_name).map(|path| (place, path)));
     }
     if found.is_empty() {
-        return Ok(());
+        return Ok(files);
     }
     let mut names: HashMap<&Path, BTreeSet<&str>> = HashMap::new();
-    let of_direct = images.iter().zip(&direct).filter_map(|(image, path)| Some((image, path.as_deref()?)));
+    let of_direct = images.iter().zip(&files).filter_map(|(image, path)| Some((image, path.as_deref()?)));
     for (image, path) in of_direct.chain(found.iter().map(|(place, path)| (&images[*place], path.as_path())))
     {
         names.entry(path).or_default().insert(&image.file_name);
     }
     let is_alone = |(_, path): &&(usize, PathBuf)| names[path.as_path()].len() == 1;
-    let new_name = |(place, path): &(usize, PathBuf)| Some((*place, name_in(folders, path)?));
-    let renamed: Vec<(usize, String)> = found.iter().filter(is_alone).filter_map(new_name).collect();
-    for (place, name) in renamed {
+    let new_name = |(place, path): &(usize, PathBuf)| Some((*place, name_in(folders, path)?, path.clone()));
+    let renamed: Vec<(usize, String, PathBuf)> = found.iter().filter(is_alone).filter_map(new_name).collect();
+    for (place, name, path) in renamed {
         let stated = std::mem::replace(&mut images[place].file_name, name);
         defects.add(DefectKind::OtherFileName, || format!("{stated}: {}", images[place].file_name));
+        files[place] = Some(path);
     }
-    Ok(())
+    Ok(files)
 }
 
 /// Gives entries of one file the name of the first one, and notes the others: `a/../x.png`, `./x.png` and `x.png`; or `images/x.png` and `x.png`, where
-/// pictures are looked for in `images`. Entries of equal names are not noted here.
+/// pictures are looked for in `images`. `files` has the file of each picture, if there is one. Entries of equal names are not noted here.
 pub(super) fn take_first_names(
     images: &mut [Image],
-    folders: &[PathBuf],
+    files: &[Option<PathBuf>],
     defects: &mut Defects,
     cancel: &Cancel,
 ) -> Result<(), Cancelled> {
-    let found: Vec<Option<PathBuf>> =
-        images.par_iter().map(|image| picture_in(folders, &image.file_name)).collect();
     let (mut places, mut firsts) = (Places::default(), HashMap::new());
-    for (number, path) in found.into_iter().enumerate() {
+    for (number, path) in files.iter().enumerate() {
         cancel.check()?;
-        let Some(place) = path.and_then(|path| places.of(&path)) else { continue };
+        let Some(place) = path.as_deref().and_then(|path| places.of(path)) else { continue };
         let first: usize = *firsts.entry(place).or_insert(number);
         let name = images[first].file_name.clone();
         if images[number].file_name != name {
@@ -185,6 +185,27 @@ impl Stated {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn files_are_those_of_the_names_that_pictures_then_have() {
+        let root = tempfile::tempdir().unwrap();
+        let folders = [root.path().to_owned(), root.path().join("images")];
+        std::fs::create_dir(&folders[1]).unwrap();
+        for name in ["a.png", "images/b c.png"] {
+            std::fs::write(root.path().join(name), "").unwrap();
+        }
+        let image = |name: &str| Image { file_name: name.to_owned(), ..Image::default() };
+        let mut images = ["a.png", "b%20c.png", "none.png", "./a.png"].map(image);
+        let (mut defects, cancel) = (Defects::default(), Cancel::default());
+        let files = take_other_spellings(&mut images, &folders, &mut defects, &cancel).unwrap();
+        assert_eq!(defects.count(DefectKind::OtherFileName), 1);
+        assert_ne!(images[1].file_name, "b%20c.png");
+        let by_name = |image: &Image| picture_in(&folders, &image.file_name);
+        assert_eq!(files, images.iter().map(by_name).collect::<Vec<_>>());
+        assert_eq!(files.iter().map(Option::is_some).collect::<Vec<_>>(), [true, true, false, true]);
+        take_first_names(&mut images, &files, &mut defects, &cancel).unwrap();
+        assert_eq!((images[3].file_name.as_str(), defects.count(DefectKind::RepeatedFile)), ("a.png", 1));
+    }
 
     #[test]
     fn paths_of_other_machines_are_known() {
