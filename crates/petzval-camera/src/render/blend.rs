@@ -1,5 +1,8 @@
 //! How exact the blend of patches is, and how many patches an accuracy needs.
 
+use std::borrow::Cow;
+use std::sync::OnceLock;
+
 use rayon::prelude::*;
 
 use super::kernel::{kernel_at, kernel_radius};
@@ -10,6 +13,9 @@ use petzval_base::statistics::median;
 
 /// Places of the sensor at which the blend is compared.
 const PLACES: usize = 48;
+
+/// Most patches whose kernels are kept while a blend is compared: places share the kernels of so few, and they fill little memory.
+const MOST_KEPT: usize = 2 * PLACES;
 
 /// Patch rows that are tried, from few to many.
 const ROWS: [usize; 13] = [1, 3, 5, 7, 9, 11, 13, 17, 21, 27, 33, 41, 51];
@@ -54,13 +60,26 @@ impl<'a> Compared<'a> {
 
     /// The error of the blend between the patches of a geometry of the same sensor.
     fn error(&self, geometry: &RenderGeometry) -> BlendError {
+        let kept = if geometry.patch_count() <= MOST_KEPT { geometry.patch_count() } else { 0 };
+        self.error_keeping(geometry, &vec![OnceLock::new(); kept])
+    }
+
+    /// The error of the blend. `kept` holds the kernel of each patch, made by the first place that blends it; each place makes the others.
+    fn error_keeping(&self, geometry: &RenderGeometry, kept: &[OnceLock<Vec<f64>>]) -> BlendError {
+        let kernel = |patch: usize| {
+            let at = geometry.patch_centre_um(patch);
+            kernel_at(geometry, &self.layout, &self.bank.values, self.radius, at)
+        };
         let errors: Vec<f64> = (self.places.par_iter().zip(&self.exact))
             .map(|(&(row, col), exact)| {
                 let mut difference = exact.clone();
                 for (patch, weight) in geometry.patches_at(row, col) {
-                    let at = geometry.patch_centre_um(patch);
-                    let of_patch = kernel_at(geometry, &self.layout, &self.bank.values, self.radius, at);
-                    difference.iter_mut().zip(of_patch).for_each(|(d, v)| *d -= f64::from(weight) * v);
+                    let of_patch = match kept.get(patch) {
+                        Some(kept) => Cow::Borrowed(kept.get_or_init(|| kernel(patch)).as_slice()),
+                        None => Cow::Owned(kernel(patch)),
+                    };
+                    let pixels = difference.iter_mut().zip(of_patch.iter());
+                    pixels.for_each(|(d, v)| *d -= f64::from(weight) * v);
                 }
                 difference.iter().map(|d| d.abs()).sum::<f64>() / CHANNELS as f64
             })
@@ -101,4 +120,26 @@ pub fn with_patches_for(
         found = with_rows(rows);
     }
     Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{bank, geometry};
+    use super::*;
+
+    #[test]
+    fn kernels_that_places_share_change_no_bit_of_the_error() {
+        let bank = bank(3);
+        for patches in [(1, 2), (3, 4), (12, 17)] {
+            let geometry = RenderGeometry { patches, ..geometry() };
+            let compared = Compared::new(&geometry, &bank).unwrap();
+            let kept = vec![OnceLock::new(); geometry.patch_count()];
+            let alone = compared.error_keeping(&geometry, &[]);
+            assert_eq!(compared.error_keeping(&geometry, &kept), alone);
+            assert_eq!(compared.error(&geometry), alone);
+            // Few patches are all blended, and each kernel is there for the next place.
+            let made = kept.iter().filter(|kernel| kernel.get().is_some()).count();
+            assert!(made == kept.len() || kept.len() > MOST_KEPT, "{made} of {}", kept.len());
+        }
+    }
 }

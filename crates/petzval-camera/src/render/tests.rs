@@ -8,12 +8,12 @@ pub(crate) fn noise(seed: u64, n: usize) -> Vec<f32> {
     (0..n).map(|_| rng.random::<f32>()).collect()
 }
 
-fn geometry() -> RenderGeometry {
+pub(super) fn geometry() -> RenderGeometry {
     RenderGeometry { sensor_height: 60, sensor_width: 84, pixel_um: 5.0, patches: (3, 4) }
 }
 
 /// Random PSFs of unit sum at three fields.
-fn bank(seed: u64) -> PsfBank {
+pub(super) fn bank(seed: u64) -> PsfBank {
     let grid = 12;
     let mut values = noise(seed, 3 * CHANNELS * grid * grid);
     for psf in values.chunks_exact_mut(grid * grid) {
