@@ -570,7 +570,9 @@ impl DesignLoop {
         let (camera, step) = (variant.name.clone(), self.position.step + 1);
         let error = match error {
             // The lens had light when it started: it is the job that went astray, not the input.
-            DesignError::NoLight { field_deg } => DesignError::LostLight { camera, step, field_deg },
+            DesignError::NoLight { field_deg, lost } => {
+                DesignError::LostLight { camera, step, field_deg, lost }
+            }
             DesignError::OutsideTheImage { radius_mm } => DesignError::LostImage { camera, step, radius_mm },
             other => other,
         };

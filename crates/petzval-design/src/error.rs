@@ -10,6 +10,8 @@ use petzval_camera::sensor::SensorError;
 use petzval_files::psf_file::PsfFileError;
 use petzval_learn::dataset::DatasetError;
 use petzval_learn::guest::GuestError;
+use petzval_optics::lens::Lens;
+use petzval_optics::pupil::{LostRay, where_lost};
 
 /// A setting that cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -22,6 +24,11 @@ pub struct WrongSetting {
     /// What to write instead; may be empty.
     pub hint: String,
 }
+
+/// Why no light may lie on the grid of a PSF although the ray through the middle of the stop reaches the image.
+const OFF_THE_GRID: &str = " within the PSF's grid: rays miss a surface, are vignetted, or land further from the chief ray than the grid reaches \
+     (is the image in focus?); by diffraction also: rays of the stop are lost, the wavefront is too rough, or grid and spot together are too \
+     wide (psf.kind = \"geometric\" takes rays)";
 
 /// What was made, or why it could not be.
 pub type Result<T, E = DesignError> = std::result::Result<T, E>;
@@ -66,13 +73,14 @@ pub enum DesignError {
     Street(#[from] petzval_street::StreetError),
     /// A lens whose light does not reach the PSF's grid.
     #[error(
-        "no light reaches the image at {field_deg:.2} degrees within the PSF's grid: rays miss a surface, are vignetted, or \
-         land further from the chief ray than the grid reaches (is the image in focus?); by diffraction also: rays of the \
-         stop are lost, the wavefront is too rough, or grid and spot together are too wide (psf.kind = \"geometric\" takes rays)"
+        "no light reaches the image at {field_deg:.2} degrees{}",
+        lost.map_or_else(|| OFF_THE_GRID.to_owned(), |lost| format!(": {lost}"))
     )]
     NoLight {
         /// Field angle, degrees.
         field_deg: f64,
+        /// Where its ray through the middle of the stop is lost, if it is.
+        lost: Option<LostRay>,
     },
     /// A place of the sensor on which no chief ray lands.
     #[error(
@@ -240,7 +248,10 @@ pub enum DesignError {
         defect: petzval_optics::lens::LensDefect,
     },
     /// A lens that moved to where no light comes through.
-    #[error("{camera}, step {step}: the lens lost its light at {field_deg:.2} degrees")]
+    #[error(
+        "{camera}, step {step}: the lens lost its light at {field_deg:.2} degrees{}",
+        lost.map_or_else(String::new, |lost| format!(": {lost}"))
+    )]
     LostLight {
         /// Camera.
         camera: String,
@@ -248,6 +259,8 @@ pub enum DesignError {
         step: u64,
         /// Field angle, degrees.
         field_deg: f64,
+        /// Where its ray through the middle of the stop is lost, if it is.
+        lost: Option<LostRay>,
     },
     /// A lens that moved to where its image no longer fills the sensor.
     #[error("{camera}, step {step}: no chief ray of the lens lands {radius_mm:.3} mm from the axis any more")]
@@ -365,6 +378,12 @@ impl DesignError {
                 | Self::NoTruth
                 | Self::Run { .. }
         )
+    }
+
+    /// No light of a field, rad, reaches the image of a lens. Light was looked for at `wavelengths_um`, um; chief rays alone have the reference
+    /// wavelength, and need none.
+    pub fn no_light(lens: &Lens, field_rad: f64, wavelengths_um: &[f64]) -> Self {
+        Self::NoLight { field_deg: field_rad.to_degrees(), lost: where_lost(lens, field_rad, wavelengths_um) }
     }
 
     /// A value as JSON text.

@@ -181,7 +181,7 @@ fn camera_metrics(
         .par_iter()
         .map(|field| {
             spot(lens, *field, &setup.fixed_plan.quadrature)
-                .ok_or(DesignError::NoLight { field_deg: field.to_degrees() })
+                .ok_or_else(|| DesignError::no_light(lens, *field, &lens.wavelengths_um))
         })
         .collect::<Result<Vec<_>, _>>()?;
     let rms_spot_by_field_um: Vec<f64> = spots.iter().map(|spot| spot.rms_poly_um).collect();

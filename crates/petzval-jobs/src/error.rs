@@ -298,6 +298,9 @@ impl From<DesignError> for JobError {
             DesignError::Setting(WrongSetting { setting, message, hint }) => {
                 Self::Setting { key: "set", value: setting, message, hint }
             }
+            DesignError::NoLight { lost: Some(_), .. } => {
+                Self::input(error.to_string(), "let the light through there, or take a smaller sensor")
+            }
             _ if error.is_stopped() => Stopped::new(error.to_string()).into(),
             DesignError::Image(ImageError::Io { ref source, .. }) => Self::system(
                 error.to_string(),

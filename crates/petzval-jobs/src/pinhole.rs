@@ -160,13 +160,13 @@ impl PinholeView {
             }
             if radius_mm > 0.0 {
                 field_rad = field_imaged_at(&lens.at_wavelength(lens.reference_um), radius_mm, field_rad)
-                    .ok_or(DesignError::NoLight { field_deg: field_rad.to_degrees() })?;
+                    .ok_or_else(|| DesignError::no_light(&lens, field_rad, &[]))?;
             }
         }
         let cos = field_rad.cos();
         let options = PsfOptions::default();
         let traced = psf(&lens, field_rad, &self.wavelengths_um, &self.quadrature, &options)
-            .ok_or(DesignError::NoLight { field_deg: field_rad.to_degrees() })?;
+            .ok_or_else(|| DesignError::no_light(&lens, field_rad, &self.wavelengths_um))?;
         let turned = if self.camera_turned { cos.powi(3) } else { 1.0 };
 
         // Sum the wavelengths for each colour, weighted by the spectrum of the diode and the colour's filter.

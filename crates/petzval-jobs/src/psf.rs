@@ -22,7 +22,6 @@ use crate::error::{JobError, Result, make_folder, write_file};
 use crate::event::WarningKind;
 use crate::input::LensInput;
 use crate::lens::focus::focus_elsewhere;
-use crate::lens::where_lost;
 use crate::range::check_ranges;
 use crate::results::{check_folder, what_is};
 
@@ -248,12 +247,9 @@ fn computed(request: &Request, lens: &Lens, plan: &PsfPlan, context: &Context) -
         ),
     };
     let no_light = |error: DesignError| match error {
-        DesignError::NoLight { field_deg } => {
-            let lost = || {
-                let lost = where_lost(lens, field_deg.to_radians())?;
-                Some(format!("{lost}; try a smaller --corner-mm"))
-            };
-            let hint = beyond(field_deg).or_else(lost).unwrap_or_else(|| of_grid.clone());
+        DesignError::NoLight { field_deg, lost } => {
+            let of_corner = || lost.map(|_| "try a smaller --corner-mm".to_owned());
+            let hint = beyond(field_deg).or_else(of_corner).unwrap_or_else(|| of_grid.clone());
             JobError::input(error.to_string(), hint)
         }
         // Here the corner is an option, and the hint of the error is for sensors.

@@ -7,7 +7,7 @@ use petzval_camera::psf::PsfLayout;
 use petzval_camera::render::{PatchKernels, RenderGeometry, patch_kernels};
 use petzval_optics::lens::{Axis, Lens, Placement, Surface};
 use petzval_optics::psf::{FieldPsf, PsfKind, PsfOptions, psf, psf_converged};
-use petzval_optics::pupil::{PupilRefinement, Quadrature, chief_ray};
+use petzval_optics::pupil::{LostRay, PupilRefinement, Quadrature, chief_ray, where_lost};
 
 use super::psf_plan::PsfPlan;
 use crate::error::DesignError;
@@ -119,8 +119,13 @@ impl Place {
         Ok(Self { turned: turned(lens, field), field_rad: angle_rad(field), image_area })
     }
 
-    fn no_light(&self) -> DesignError {
-        DesignError::NoLight { field_deg: self.field_rad.to_degrees() }
+    /// No light comes here. A ray that is lost at a surface is lost at that of the lens, which has no plane in front of it.
+    fn no_light(&self, plan: &PsfPlan) -> DesignError {
+        let lost = where_lost(&self.turned, self.field_rad, &plan.wavelengths_um);
+        DesignError::NoLight {
+            field_deg: self.field_rad.to_degrees(),
+            lost: lost.map(|ray| LostRay { surface: ray.surface.saturating_sub(1), ..ray }),
+        }
     }
 
     /// The PSFs of the place on the grids of a plan, rows along y and columns along x of the image. Where no wave can be computed they are by rays.
@@ -130,7 +135,7 @@ impl Place {
             psf(&self.turned, self.field_rad, &plan.wavelengths_um, &plan.quadrature, &options)
         };
         let found = of_kind(plan.options.kind).or_else(|| of_kind(PsfKind::Geometric));
-        let mut psf = found.ok_or_else(|| self.no_light())?;
+        let mut psf = found.ok_or_else(|| self.no_light(plan))?;
         // The PSF's own area has the sagittal part of a lens with rotational symmetry.
         if let Some(exact) = self.image_area.filter(|area| area.is_finite()) {
             psf.illumination.iter_mut().for_each(|light| *light *= exact / psf.image_area);
@@ -151,7 +156,7 @@ impl Place {
             PupilRefinement { tolerance, first_cells, most_cells: most_cells.max(2 * first_cells) };
         let (field, colours) = (self.field_rad, &plan.wavelengths_um);
         let found = psf_converged(&self.turned, field, colours, &plan.options, &refinement);
-        let found = found.ok_or_else(|| self.no_light())?;
+        let found = found.ok_or_else(|| self.no_light(plan))?;
         Ok((PsfPlan { quadrature: Quadrature::grid(found.cells)?, ..plan.clone() }, found.error))
     }
 }

@@ -252,7 +252,7 @@ impl PsfPlan {
             .par_iter()
             .map(|field| {
                 let psf = psf_converged(lens, *field, &self.wavelengths_um, &self.options, &refinement);
-                let psf = psf.ok_or(DesignError::NoLight { field_deg: field.to_degrees() })?;
+                let psf = psf.ok_or_else(|| DesignError::no_light(lens, *field, &self.wavelengths_um))?;
                 Ok((psf.cells, psf.error))
             })
             .collect::<Result<_>>()?;
@@ -302,7 +302,7 @@ impl PsfPlan {
             return Ok(None);
         }
         let chief = chief_ray(&lens.at_wavelength(lens.reference_um), near);
-        let chief = chief.ok_or(DesignError::NoLight { field_deg: near.to_degrees() })?;
+        let chief = chief.ok_or_else(|| DesignError::no_light(lens, near, &[]))?;
         Ok(Some(chief.y_mm / near.tan()))
     }
 
@@ -316,7 +316,7 @@ impl PsfPlan {
         let reference = lens.at_wavelength(lens.reference_um);
         let height = |field: f64| {
             let chief = chief_ray(&reference, field);
-            Ok(chief.ok_or(DesignError::NoLight { field_deg: field.to_degrees() })?.y_mm)
+            Ok(chief.ok_or_else(|| DesignError::no_light(lens, field, &[]))?.y_mm)
         };
         let image_mm = angles.iter().map(|field| height(*field)).collect::<Result<Vec<_>>>()?;
         let scale_mm = self.image_scale_mm(lens)?.unwrap_or(1.0);
@@ -396,7 +396,7 @@ impl PsfPlan {
         } else {
             of_kind(PsfKind::Geometric)
         };
-        let (psf, tape) = traced.ok_or(DesignError::NoLight { field_deg: field_rad.to_degrees() })?;
+        let (psf, tape) = traced.ok_or_else(|| DesignError::no_light(lens, field_rad, colours))?;
         Ok((psf, Some(tape)))
     }
 

@@ -31,7 +31,7 @@ impl Requirements {
         let corner_field_rad = fields_rad.last().copied().unwrap_or(0.0);
         let lens = &nominal.lens;
         let chief = chief_ray(&in_focus.at_wavelength(in_focus.reference_um), corner_field_rad)
-            .ok_or(DesignError::NoLight { field_deg: corner_field_rad.to_degrees() })?;
+            .ok_or_else(|| DesignError::no_light(in_focus, corner_field_rad, &[]))?;
         let mut constraints = config.of_lens(lens);
         let solved =
             nominal.solves().curvature().and_then(|(surface, radius_mm)| Some((surface, radius_mm?)));
@@ -64,7 +64,7 @@ impl Requirements {
         let counts = |c: &&Constraint| field == FieldOfView::Held || !is_of_a_field(c);
         let square = |constraint: &Constraint| {
             penalty(std::slice::from_ref(constraint), lens)
-                .ok_or(DesignError::NoLight { field_deg: self.corner_field_rad.to_degrees() })
+                .ok_or_else(|| DesignError::no_light(lens, self.corner_field_rad, &lens.wavelengths_um))
         };
         let squares = self.constraints.iter().filter(counts).map(square);
         squares.filter(|square| square.as_ref().map_or(true, |(value, _)| *value > 0.0)).collect()

@@ -147,6 +147,9 @@ impl Start {
         let traced = plan.trace(&lens_file.lens).map_err(|e| {
             let hint = match e {
                 DesignError::NotSymmetric(_) => "leave tilts and decentres out, or name another lens",
+                DesignError::NoLight { lost: Some(_), .. } => {
+                    "`petzval lens show` lists the light of each field: let it through there, or name a smaller sensor"
+                }
                 _ => "`petzval lens show` lists the light of each field; PSFs may also miss a small psf.grid",
             };
             DesignError::misfit(Path::new(name), &e, hint)

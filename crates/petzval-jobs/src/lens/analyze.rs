@@ -6,13 +6,13 @@ use petzval_base::{Tally, pasted};
 use petzval_design::lens::view::surfaces;
 use petzval_optics::analysis::{AnalysisError, AnalysisOptions, analyze};
 use petzval_optics::lens::Lens;
+use petzval_optics::pupil::where_lost;
 use petzval_report::lens_sheet::{PICTURES, Picture, page};
 use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::analysis_csv::TABLES;
 use super::focus::{FocusAt, check_image, focused, out_of_focus};
-use super::lost::where_lost;
 use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, Result, make_folder, write_file};
@@ -240,22 +240,28 @@ impl Prepared {
             done.add(1, |done| context.progress(done, fields, "fields"));
             context.cancel().check()
         };
-        analyze(lens, options, &tick).map_err(|error| match error {
-            AnalysisError::Stopped(cancelled) => cancelled.into(),
-            AnalysisError::NoChiefRay { field_deg, .. } | AnalysisError::NoLight { field_deg } => {
-                match where_lost(lens, field_deg.to_radians()) {
-                    Some(cause) => JobError::input(
-                        format!("{name}: {error}: {cause}"),
-                        "leave that field out, or let its light through there",
-                    ),
-                    None => JobError::input(
-                        format!("{name}: {error}"),
-                        format!(
-                            "`petzval lens show {}` says where light is lost; or leave that field out",
-                            pasted(Path::new(name))
-                        ),
-                    ),
+        analyze(lens, options, &tick).map_err(|error| {
+            let lost = match &error {
+                AnalysisError::Stopped(cancelled) => return (*cancelled).into(),
+                AnalysisError::NoChiefRay { field_deg, wavelength_um } => {
+                    where_lost(lens, field_deg.to_radians(), &[*wavelength_um])
                 }
+                AnalysisError::NoLight { field_deg } => {
+                    where_lost(lens, field_deg.to_radians(), &lens.wavelengths_um)
+                }
+            };
+            match lost {
+                Some(lost) => JobError::input(
+                    format!("{name}: {error}: {lost}"),
+                    "leave that field out, or let its light through there",
+                ),
+                None => JobError::input(
+                    format!("{name}: {error}"),
+                    format!(
+                        "`petzval lens show {}` says where light is lost; or leave that field out",
+                        pasted(Path::new(name))
+                    ),
+                ),
             }
         })
     }

@@ -14,6 +14,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::convert::write_as_named;
+use super::lost::no_ray_at;
 use crate::as_unit::{AsUnit, within};
 use crate::context::Context;
 use crate::error::{JobError, Result};
@@ -130,8 +131,11 @@ pub(super) fn focused(lens: Lens, focus: FocusAt) -> Result<Lens> {
     }
     let quadrature = Quadrature::grid(PUPIL_CELLS).map_err(|e| JobError::failed(e.to_string()))?;
     let fields: Vec<f64> = lens.fields_deg.iter().map(|f| f.to_radians()).collect();
-    with_best_focus(&lens, &fields, &quadrature)
-        .ok_or_else(|| refused("at some field no ray reaches the image"))
+    with_best_focus(&lens, &fields, &quadrature).ok_or_else(|| {
+        let is_dark = |field_rad: &f64| mean_square_spot_traced(&lens, &[*field_rad], &quadrature).is_none();
+        let dark = fields.iter().position(is_dark).map(|field| no_ray_at(&lens, lens.fields_deg[field]));
+        refused(dark.as_deref().unwrap_or("at some field no ray reaches the image"))
+    })
 }
 
 /// What to say of a lens whose image plane is so far from its best focus that spots and modulation show little else; `None` if it is in focus, has no

@@ -14,4 +14,3 @@ pub mod trace;
 pub mod view;
 
 pub use focus::FocusAt;
-pub(crate) use lost::where_lost;

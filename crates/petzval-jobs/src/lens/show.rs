@@ -12,7 +12,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::focus::{FocusAt, focused, out_of_focus};
-use super::lost::where_lost;
+use super::lost::no_ray_at;
 use crate::context::Context;
 use crate::error::{JobError, Result};
 use crate::finite::finite;
@@ -264,9 +264,8 @@ fn spots(name: &str, lens: &Lens) -> Result<Vec<Spots>> {
     let of_field = |field_deg: &f64| {
         let field = field_deg.to_radians();
         let real_stop = spot_converged(lens, field, &SPOTS).ok_or_else(|| {
-            let cause = where_lost(lens, field).map_or_else(String::new, |lost| format!(": {lost}"));
             JobError::input(
-                format!("{name}: at {field_deg} degrees no ray reaches the image{cause}"),
+                format!("{name}: {}", no_ray_at(lens, *field_deg)),
                 "a surface is missed, or a clear semi-diameter blocks the whole beam",
             )
         })?;

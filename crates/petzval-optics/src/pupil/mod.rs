@@ -7,6 +7,7 @@ mod dense;
 mod image_area;
 mod launch;
 mod linear;
+mod lost;
 mod map;
 mod polynomial;
 mod quadrature;
@@ -23,6 +24,7 @@ pub(crate) use dense::{DenseCotangent, DenseMap, DenseTangent, Points, PointsCot
 pub use image_area::ImageArea;
 pub(crate) use launch::launch_radius_mm;
 pub use launch::paraxial_launch;
+pub use lost::{LostRay, RayLoss, where_lost};
 pub(crate) use map::PupilMap;
 pub(crate) use polynomial::{PupilPolynomial, Sides, Symmetry};
 pub use quadrature::{Quadrature, QuadratureError};

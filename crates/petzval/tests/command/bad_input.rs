@@ -303,6 +303,19 @@ fn a_lens_without_light() {
     let needles = ["dark.toml: no light reaches the image", "help: `petzval lens show`"];
     run_fails(folder.path(), &["design", "tiny.toml", "--out", "run"], 2, &needles);
 
+    // A hole that takes the light of the corner alone: the ray through the middle of the stop passes surface 2 there 3.8 mm from the axis.
+    let vignetted = lens.replacen("semi_diameter_mm = 6.415", "semi_diameter_mm = 1.0", 1);
+    std::fs::write(folder.path().join("dark.toml"), vignetted).unwrap();
+    let lost = "degrees: the ray through the middle of the stop is clipped at surface 2";
+    let needles = ["dark.toml: no light reaches the image at 14.", lost, "help: `petzval lens show`"];
+    run_fails(folder.path(), &["design", "tiny.toml", "--out", "run"], 2, &needles);
+    run_fails(folder.path(), &["design", "tiny.toml", "--check"], 2, &needles);
+    let photo = data("photos/coffee.png").display().to_string();
+    let needles = ["no light reaches the image at 1", lost, "help: let the light through there"];
+    run_fails(folder.path(), &["simulate", &photo, "--lens", "dark.toml", "--out", "taken"], 2, &needles);
+    let lost = "at 15 degrees no ray reaches the image: the ray through the middle of the stop is clipped at surface 2";
+    run_fails(folder.path(), &["lens", "focus", "dark.toml", "near.toml"], 2, &[lost, "help:"]);
+
     // An image plane far out of focus leaves nothing to optimise from.
     let blurred = lens.replacen("thickness_mm = 24.525171110552694", "thickness_mm = 27.0", 1);
     assert_ne!(blurred, lens);
