@@ -44,6 +44,7 @@ pub mod lens;
 pub mod machine;
 mod named_inputs;
 mod named_isp;
+mod noted;
 mod noted_pictures;
 mod own_lens;
 mod own_pictures;

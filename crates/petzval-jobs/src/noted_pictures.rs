@@ -1,42 +1,36 @@
 //! Pictures that a job reads from files, with warnings of what these files say that is not obeyed.
 
 use std::path::Path;
-use std::sync::{Mutex, PoisonError};
 
 use petzval_camera::image::LinearImage;
-use petzval_files::{ImageError, PictureNotes, load_image};
+use petzval_files::{ImageError, load_image};
 
 use crate::context::Context;
 use crate::event::WarningKind;
+use crate::noted::Noted;
 
 /// Reads the pictures of a job. When it goes out of scope it warns of what their files say that is not obeyed, once for each kind of
 /// statement with a count: no caller can leave that out.
-pub(crate) struct NotedPictures<'c> {
-    context: &'c Context,
-    notes: Mutex<PictureNotes>,
-}
+pub(crate) struct NotedPictures<'c>(Noted<'c>);
 
 impl<'c> NotedPictures<'c> {
     /// A reader that has read nothing yet.
     pub fn new(context: &'c Context) -> Self {
-        Self { context, notes: Mutex::default() }
+        Self(Noted::new(context, "picture"))
     }
 
     /// The linear light of a picture, three planes, 1 = white; see [`load_image`].
     pub fn light(&self, path: &Path) -> Result<LinearImage, ImageError> {
         let picture = load_image(path)?;
-        let mut notes = self.notes.lock().unwrap_or_else(PoisonError::into_inner);
-        notes.add(&path.display().to_string(), &picture.notes);
+        for note in picture.notes {
+            self.0.warning(path.display(), WarningKind::Picture, note);
+        }
         Ok(picture.light)
     }
-}
 
-impl Drop for NotedPictures<'_> {
-    fn drop(&mut self) {
-        let notes = self.notes.get_mut().unwrap_or_else(PoisonError::into_inner);
-        for clause in notes.clauses() {
-            self.context.warning(WarningKind::Picture, clause);
-        }
+    /// Adds a note on a picture, which is reported like the warnings.
+    pub fn note(&self, path: &Path, text: String) {
+        self.0.note(path.display(), text);
     }
 }
 

@@ -36,11 +36,16 @@ impl PictureNotes {
 
     /// A clause for each kind: its first picture, how many others there are, and what the file of the first says.
     pub fn clauses(&self) -> Vec<String> {
+        self.clauses_of("picture")
+    }
+
+    /// The same for files that are called otherwise: `noun` is what one of them is called, such as `frame`.
+    pub fn clauses_of(&self, noun: &str) -> Vec<String> {
         let clause = |Kind { picture, note, others }: &Kind| {
             let others = match others {
                 0 => String::new(),
-                1 => " and another picture".to_owned(),
-                n => format!(" and {n} other pictures"),
+                1 => format!(" and another {noun}"),
+                n => format!(" and {n} other {noun}s"),
             };
             format!("{picture}{others}: {note}")
         };
@@ -67,5 +72,9 @@ mod tests {
             format!("a.png: {profile}"),
         ];
         assert_eq!(notes.clauses(), wanted);
+        assert_eq!(
+            notes.clauses_of("frame")[0],
+            "a.png and 2 other frames: 7 of its 64 pixels are transparent"
+        );
     }
 }

@@ -120,7 +120,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let subjects = request
         .images
         .iter()
-        .map(|path| subject(path, request.place, &cameras, &reader, context))
+        .map(|path| subject(path, request.place, &cameras, &reader))
         .collect::<Result<Vec<_>, _>>()?;
     drop(reader);
 
@@ -222,20 +222,14 @@ fn check_there(images: &[PathBuf]) -> Result<()> {
 }
 
 /// Reads a photograph, laid on the sensor, or a raw frame that fits the sensor.
-fn subject(
-    path: &Path,
-    place: Place,
-    cameras: &Cameras,
-    pictures: &NotedPictures<'_>,
-    context: &Context,
-) -> Result<Subject> {
+fn subject(path: &Path, place: Place, cameras: &Cameras, pictures: &NotedPictures<'_>) -> Result<Subject> {
     if is_raw(path) {
         return Ok(Subject::Raw(Box::new(raw_frame(path, cameras.sensor())?)));
     }
     let light = pictures.light(path).map_err(DesignError::from)?;
     let frame = (cameras.sensor().height, cameras.sensor().width);
     if let Some(note) = place.note(&light, frame) {
-        context.note(format!("{}: {note}", path.display()));
+        pictures.note(path, note);
     }
     Ok(Subject::Photo(place.lay(&light, frame)))
 }

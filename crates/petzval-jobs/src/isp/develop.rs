@@ -12,11 +12,12 @@ use petzval_report::isp_strip::{Strip, StripParameter, StripStep, page};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::frame::{FrameOptions, Merge, Source, read_merged, read_one};
+use super::frame::{FrameOptions, Merge, Source, noted_frames, read_merged, read_one};
 use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, Result, make_folder, write_file};
 use crate::named_isp::{NamedIsp, about_frame, isp_by_name};
+use crate::noted::Noted;
 use crate::pixels::check_numbers;
 use crate::range::check_ranges;
 use crate::results::{check_folder, has_ending};
@@ -208,7 +209,8 @@ fn named_isp(request: &Request, context: &Context) -> Result<NamedIsp> {
 /// Reads every frame once, before the first is developed.
 fn check_readable(request: &Request, shots: &Shots<'_>, context: &Context) -> Result<()> {
     let quiet = context.silent();
-    shots.iter().try_for_each(|(_, raws)| read(request, raws, &quiet).map(drop))
+    let noted = noted_frames(&quiet);
+    shots.iter().try_for_each(|(_, raws)| read(request, raws, &noted).map(drop))
 }
 
 /// What happens to each picture: called with its name, the raw frame and the values of the ISP.
@@ -222,11 +224,12 @@ fn develop(
     context: &Context,
     each: &mut Each<'_>,
 ) -> Result<()> {
+    let noted = noted_frames(context);
     for (i, (name, raws)) in shots.iter().enumerate() {
         context.check(|| format!("stopped after {i} of {} pictures", shots.len()))?;
         context.progress(i as u64, shots.len() as u64, name);
         let raw = raws.first().map_or(Path::new(""), Source::path);
-        let frame = read(request, raws, context)?;
+        let frame = read(request, raws, &noted)?;
         let values = named.values(frame.about.gain_ev)?;
         let start = Instant::now();
         let picture = named.isp().develop(&frame, &values).map_err(about_frame(raw))?;
@@ -237,10 +240,10 @@ fn develop(
 }
 
 /// A frame, of one raw frame or merged.
-fn read(request: &Request, raws: &[Source<'_>], context: &Context) -> Result<RawInput> {
+fn read(request: &Request, raws: &[Source<'_>], noted: &Noted<'_>) -> Result<RawInput> {
     match (&request.merge, raws.first()) {
-        (Some(merge), _) => read_merged(raws, merge, &request.frame, context),
-        (None, Some(raw)) => read_one(*raw, &request.frame, context),
+        (Some(merge), _) => read_merged(raws, merge, &request.frame, noted),
+        (None, Some(raw)) => read_one(*raw, &request.frame, noted),
         (None, None) => Err(no_frame()),
     }
 }

@@ -21,6 +21,7 @@ use crate::error::{JobError, Result};
 use crate::event::WarningKind;
 use crate::input::SensorInput;
 use crate::named_isp::about_frame;
+use crate::noted::Noted;
 use crate::pixels::check_numbers;
 
 /// Largest digital number of white.
@@ -155,24 +156,30 @@ impl<'a> Source<'a> {
 
 /// Reads a raw file as an ISP takes it.
 pub fn read_frame(path: &Path, options: &FrameOptions, context: &Context) -> Result<RawInput> {
-    read_one(Source::File(path), options, context)
+    read_one(Source::File(path), options, &noted_frames(context))
 }
 
 /// A raw frame in memory as an ISP takes it.
 pub fn frame_in_memory(raw: RawInMemory<'_>, options: &FrameOptions, context: &Context) -> Result<RawInput> {
     check_numbers(raw.frame, raw.name)?;
-    read_one(Source::Memory(raw), options, context)
+    read_one(Source::Memory(raw), options, &noted_frames(context))
 }
 
 /// What an ISP knows of frames like one in memory, without their numbers: no level is estimated from these.
 pub fn frames_like(raw: RawInMemory<'_>, options: &FrameOptions, context: &Context) -> Result<RawInput> {
     let frame = RawFrame { height: 0, width: 0, dn: Vec::new(), info: raw.frame.info.clone() };
-    Ok(read_exposure(Source::Memory(RawInMemory { frame: &frame, ..raw }), options, context)?.0)
+    let source = Source::Memory(RawInMemory { frame: &frame, ..raw });
+    Ok(read_exposure(source, options, &noted_frames(context))?.0)
+}
+
+/// Collects what is said of raw frames.
+pub(super) fn noted_frames(context: &Context) -> Noted<'_> {
+    Noted::new(context, "frame")
 }
 
 /// Reads a raw frame.
-pub(super) fn read_one(source: Source<'_>, options: &FrameOptions, context: &Context) -> Result<RawInput> {
-    let (mut frame, _) = read_exposure(source, options, context)?;
+pub(super) fn read_one(source: Source<'_>, options: &FrameOptions, noted: &Noted<'_>) -> Result<RawInput> {
+    let (mut frame, _) = read_exposure(source, options, noted)?;
     estimate(&mut frame, options).map_err(about_frame(source.path()))?;
     Ok(frame)
 }
@@ -182,12 +189,12 @@ pub(super) fn read_merged(
     sources: &[Source<'_>],
     merge: &Merge,
     options: &FrameOptions,
-    context: &Context,
+    noted: &Noted<'_>,
 ) -> Result<RawInput> {
     let mut frames = Vec::new();
     let mut known = Vec::new();
     for source in sources {
-        let (frame, exposure) = read_exposure(*source, options, context)?;
+        let (frame, exposure) = read_exposure(*source, options, noted)?;
         frames.push(frame);
         known.push(exposure);
     }
@@ -202,14 +209,14 @@ pub(super) fn read_merged(
     let first = sources.first().map_or(Path::new(""), Source::path);
     let Merged { mut frame, motion } =
         merge_exposures(&frames, &exposures, &merged).map_err(about_frame(first))?;
-    warn_of_exposures(sources, &exposures, &known, context);
-    warn_of_motion(motion, first, context);
+    warn_of_exposures(sources, &exposures, &known, noted);
+    warn_of_motion(motion, first, noted);
     estimate(&mut frame, options).map_err(about_frame(first))?;
     Ok(frame)
 }
 
 /// Warns of exposures that are given and contradict those that two of the frames state.
-fn warn_of_exposures(sources: &[Source<'_>], given: &[f64], known: &[Option<f64>], context: &Context) {
+fn warn_of_exposures(sources: &[Source<'_>], given: &[f64], known: &[Option<f64>], noted: &Noted<'_>) {
     let both = given.iter().zip(known).enumerate();
     let scales: Vec<(usize, f64)> = both
         .filter_map(|(i, (given, known))| Some((i, given / known.filter(|known| *known > 0.0)?)))
@@ -222,10 +229,9 @@ fn warn_of_exposures(sources: &[Source<'_>], given: &[f64], known: &[Option<f64>
         return;
     }
     let of_given = given[most.0] / given[least.0];
-    context.warning(WarningKind::RawFrame, format!(
-        "{}: --exposures gives it {} times the exposure of {}, and by `exposure_s` and `linear_gain` of the two frames it has {} times; \
+    noted.warning(sources[most.0].path().display(), WarningKind::RawFrame, format!(
+        "--exposures gives it {} times the exposure of {}, and by `exposure_s` and `linear_gain` of the two frames it has {} times; \
          --exposures counts, and if it is wrong, so is the merged frame",
-        sources[most.0].path().display(),
         rounded(of_given),
         sources[least.0].path().display(),
         rounded(of_given * least.1 / most.1)
@@ -238,15 +244,14 @@ fn rounded(value: f64) -> f64 {
 }
 
 /// Warns if so much of a merged frame was taken as motion that the exposures may be wrong.
-fn warn_of_motion(motion: Motion, path: &Path, context: &Context) {
+fn warn_of_motion(motion: Motion, path: &Path, noted: &Noted<'_>) {
     if !motion.is_doubtful() {
         return;
     }
     let percent = |of: usize| 100.0 * motion.moved as f64 / of as f64;
-    context.warning(WarningKind::RawFrame, format!(
-        "{}: {:.0} % of the merged frame was taken as motion, {:.0} % of what is brighter than the noise: the exposures of the files may be \
+    noted.warning(path.display(), WarningKind::RawFrame, format!(
+        "{:.0} % of the merged frame was taken as motion, {:.0} % of what is brighter than the noise: the exposures of the files may be \
          wrong, or the camera moved; --exposures gives them",
-        path.display(),
         percent(motion.blocks),
         percent(motion.lit)
     ));
@@ -256,7 +261,7 @@ fn warn_of_motion(motion: Motion, path: &Path, context: &Context) {
 fn read_exposure(
     source: Source<'_>,
     options: &FrameOptions,
-    context: &Context,
+    noted: &Noted<'_>,
 ) -> Result<(RawInput, Option<f64>)> {
     let (path, raw) = (source.path(), source.frame()?);
     let info = &raw.info;
@@ -270,11 +275,11 @@ fn read_exposure(
     };
     let (Some(bits), Some(cfa), true) = (info.bits, info.cfa, is_black_known) else { return Err(missing()) };
     let calibration = source.calibration(info)?;
-    let sensor = sensor_of(info, options, &context.assets)?;
+    let sensor = sensor_of(info, options, &noted.context().assets)?;
     if sensor.is_none() {
-        warn_of_assumed(&calibration, path, context);
+        warn_of_assumed(&calibration, path, noted);
     } else if options.sensor.is_some() {
-        note_what_counts(&calibration, path, context);
+        note_what_counts(&calibration, path, noted);
     }
     let highest = (1_u32 << bits) - 1;
     let highest =
@@ -296,7 +301,7 @@ fn read_exposure(
     // A calibration that says where the frame saturates counts.
     let full_dn = match calibration.saturation {
         Some(_) => full_dn,
-        None => saturated_dn(&raw.dn, raw.width, cfa, full_dn, info, path, context),
+        None => saturated_dn(&raw.dn, raw.width, cfa, full_dn, info, path, noted),
     };
     let white_dn = calibration.white_dn.unwrap_or(full_dn);
     let check_white = |white_dn: f64| {
@@ -364,21 +369,21 @@ fn read_exposure(
         }
     }
     let exposure = info.exposure_s.map(|time_s| time_s * info.linear_gain.unwrap_or(1.0));
-    smooth_shading(&mut about, path, context);
+    smooth_shading(&mut about, path, noted);
     let is_linear = info.companding.is_none();
     let mut dn = raw.dn;
     if let Some(tile) = black_tile {
         level_black(&mut dn, raw.width, cfa, &tile, black_dn, full_dn);
     }
     if is_linear {
-        warn_of_black(&dn, &about, path, context);
+        warn_of_black(&dn, &about, path, noted);
     }
     let frame = RawInput { height: raw.height, width: raw.width, dn, bits: bits.max(8), cfa, about };
     Ok((frame, exposure))
 }
 
 /// Warns of what is assumed of a frame whose sensor is unknown: what its calibration does not state.
-fn warn_of_assumed(calibration: &FrameCalibration, path: &Path, context: &Context) {
+fn warn_of_assumed(calibration: &FrameCalibration, path: &Path, noted: &Noted<'_>) {
     let open = [
         ("its noise", calibration.noise.is_none()),
         ("its answer to white light", calibration.response.is_none()),
@@ -386,19 +391,16 @@ fn warn_of_assumed(calibration: &FrameCalibration, path: &Path, context: &Contex
     let open: Vec<&str> = open.iter().filter(|(_, is)| *is).map(|(what, _)| *what).collect();
     if !open.is_empty() {
         let verb = if open.len() == 1 { "is" } else { "are" };
-        context.warning(
+        noted.warning(
+            path.display(),
             WarningKind::RawFrame,
-            format!(
-                "{}: the sensor is unknown: {} {verb} assumed; --sensor names it",
-                path.display(),
-                open.join(" and ")
-            ),
+            format!("the sensor is unknown: {} {verb} assumed; --sensor names it", open.join(" and ")),
         );
     }
 }
 
 /// Says what the calibration of a frame states that a sensor by name has, too. The calibration was measured on this camera, and counts.
-fn note_what_counts(calibration: &FrameCalibration, path: &Path, context: &Context) {
+fn note_what_counts(calibration: &FrameCalibration, path: &Path, noted: &Noted<'_>) {
     let stated = [
         ("response", calibration.response.is_some()),
         ("saturation", calibration.saturation.is_some()),
@@ -406,11 +408,11 @@ fn note_what_counts(calibration: &FrameCalibration, path: &Path, context: &Conte
     ];
     let stated: Vec<&str> = stated.iter().filter(|(_, is)| *is).map(|(key, _)| *key).collect();
     if !stated.is_empty() {
-        context.note(format!(
-            "{}: its calibration counts before --sensor, in {}; remove what the sensor should give",
-            path.display(),
+        let text = format!(
+            "its calibration counts before --sensor, in {}; remove what the sensor should give",
             stated.join(", ")
-        ));
+        );
+        noted.note(path.display(), text);
     }
 }
 
@@ -445,14 +447,13 @@ fn level_black(dn: &mut [u32], width: usize, cfa: CfaPattern, tile: &[f64], blac
 }
 
 /// Warns of a black level above the light of many pixels: they would become black, and the shadows coloured.
-fn warn_of_black(dn: &[u32], about: &FrameData, path: &Path, context: &Context) {
+fn warn_of_black(dn: &[u32], about: &FrameData, path: &Path, noted: &Noted<'_>) {
     let range_dn = about.white_dn - about.black_dn;
     let margin_dn = range_dn * (BLACK_SIGMAS * about.noise.read.max(0.0).sqrt()).max(BLACK_MARGIN);
     let below = dn.iter().filter(|dn| f64::from(**dn) < about.black_dn - margin_dn).count();
     if below as f64 > BLACK_SHARE * dn.len() as f64 {
-        context.warning(WarningKind::RawFrame, format!(
-            "{}: {below} of {} pixels lie more than {margin_dn:.0} DN below the black level of {} DN: it is too high, and they become black; correct `black_level_dn`",
-            path.display(),
+        noted.warning(path.display(), WarningKind::RawFrame, format!(
+            "{below} of {} pixels lie more than {margin_dn:.0} DN below the black level of {} DN: it is too high, and they become black; correct `black_level_dn`",
             dn.len(),
             about.black_dn
         ));
@@ -460,18 +461,18 @@ fn warn_of_black(dn: &[u32], about: &FrameData, path: &Path, context: &Context) 
 }
 
 /// Replaces a coarse mesh of shading by a smooth one through its nodes, and says how much that changes.
-fn smooth_shading(about: &mut FrameData, path: &Path, context: &Context) {
+fn smooth_shading(about: &mut FrameData, path: &Path, noted: &Noted<'_>) {
     let Some(mesh) = about.shading.as_mut().filter(|mesh| mesh.rows.min(mesh.cols) < FINE_NODES) else {
         return;
     };
     let (fine, difference) = mesh.refined(FINE_NODES);
-    let nodes = format!("{}: its shading mesh has {} x {} nodes", path.display(), mesh.rows, mesh.cols);
+    let nodes = format!("its shading mesh has {} x {} nodes", mesh.rows, mesh.cols);
     if mesh.rows.min(mesh.cols) < 3 {
-        context.warning(WarningKind::RawFrame, format!(
+        noted.warning(path.display(), WarningKind::RawFrame, format!(
             "{nodes}: how the light falls between two nodes is unknown, and a ramp is corrected; give 5 or more nodes a side"
         ));
     } else if difference > COARSE {
-        context.warning(WarningKind::RawFrame, format!(
+        noted.warning(path.display(), WarningKind::RawFrame, format!(
             "{nodes}: between them a smooth curve is corrected, which differs from straight lines by up to {:.1} %; more nodes say more",
             100.0 * difference
         ));
@@ -488,7 +489,7 @@ fn saturated_dn(
     stated_dn: f64,
     info: &RawInfo,
     path: &Path,
-    context: &Context,
+    noted: &Noted<'_>,
 ) -> f64 {
     if info.companding.is_some() {
         return stated_dn;
@@ -498,9 +499,8 @@ fn saturated_dn(
     };
     let have =
         if pile.is_one_number { "have the largest number," } else { "pile up at the largest numbers, from" };
-    context.warning(WarningKind::Saturation, format!(
-        "{}: {} pixels {have} {} DN, below the white level of {stated_dn} DN: they are taken as saturated, or highlights would be coloured; state it with `white_level_dn`",
-        path.display(),
+    noted.warning(path.display(), WarningKind::Saturation, format!(
+        "{} pixels {have} {} DN, below the white level of {stated_dn} DN: they are taken as saturated, or highlights would be coloured; state it with `white_level_dn`",
         pile.pixels,
         pile.dn
     ));
@@ -574,8 +574,7 @@ mod tests {
     use super::*;
     use crate::event::Lines;
 
-    /// What an ISP knows of a frame with this calibration, and what was said.
-    fn read_with(calibration: &str, sensor: Option<&str>) -> (FrameData, Vec<String>) {
+    fn frame() -> RawFrame<u32> {
         let info = RawInfo {
             bits: Some(12),
             cfa: Some("RGGB".parse().unwrap()),
@@ -583,7 +582,12 @@ mod tests {
             white_level_dn: Some(4095.0),
             ..RawInfo::default()
         };
-        let frame = RawFrame { height: 16, width: 16, dn: (0..256).map(|i| 200 + 7 * i).collect(), info };
+        RawFrame { height: 16, width: 16, dn: (0..256).map(|i| 200 + 7 * i).collect(), info }
+    }
+
+    /// What an ISP knows of a frame with this calibration, and what was said.
+    fn read_with(calibration: &str, sensor: Option<&str>) -> (FrameData, Vec<String>) {
+        let frame = frame();
         let calibration = FrameCalibration::from_toml(calibration).unwrap();
         let raw = RawInMemory { name: "frame", frame: &frame, calibration: Some(&calibration) };
         let options = FrameOptions { sensor: sensor.map(Into::into), ..FrameOptions::default() };
@@ -609,6 +613,33 @@ mod tests {
             let found = said.iter().find(|line| line.contains("the sensor is unknown"));
             assert_eq!(found.is_some(), wanted.is_some(), "{calibration}: {said:?}");
             assert!(wanted.is_none_or(|wanted| found.unwrap().contains(wanted)), "{said:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_said_of_many_frames_is_said_once_with_a_count() {
+        let (frame, calibration) = (frame(), FrameCalibration::from_toml(RESPONSE).unwrap());
+        let lines = Arc::new(Lines::default());
+        let context = Context::new(crate::built_in_assets(), lines.clone());
+        let said = |sensor: Option<&str>| {
+            let options = FrameOptions { sensor: sensor.map(Into::into), ..FrameOptions::default() };
+            let noted = noted_frames(&context);
+            for name in ["a", "b", "c"] {
+                let raw = RawInMemory { name, frame: &frame, calibration: Some(&calibration) };
+                read_one(Source::Memory(raw), &options, &noted).unwrap();
+            }
+            drop(noted);
+            std::mem::take(&mut *lines.0.lock().unwrap())
+        };
+        let counts =
+            "its calibration counts before --sensor, in response; remove what the sensor should give";
+        let with_sensor = said(Some("imx249-fitted"));
+        assert!(with_sensor.contains(&format!("a and 2 other frames: {counts}")), "{with_sensor:?}");
+        let assumed = "the sensor is unknown: its noise is assumed; --sensor names it";
+        let without = said(None);
+        assert!(without.contains(&format!("warning: a and 2 other frames: {assumed}")), "{without:?}");
+        for lines in [with_sensor, without] {
+            assert!(lines.iter().all(|line| !line.contains("b: ") && !line.contains("c: ")), "{lines:?}");
         }
     }
 

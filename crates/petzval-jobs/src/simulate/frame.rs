@@ -53,7 +53,7 @@ impl Frame {
     ) -> Result<(Self, Option<String>)> {
         let (sensor, white_e) = (body.sensor.clone(), body.exposure.white_e);
         let saturation = Saturation::of(request, &sensor, white_e, saturated_share(&taken.raw, &sensor))?;
-        let warning = saturation.warning(request, &sensor, name, white_e);
+        let warning = saturation.warning(request, &sensor, white_e);
         // ISPs take frames of a Bayer array.
         let input = || chip::frame(rig, &sensor, taken.for_chip(), body.isp.colour_matrix);
         let input = sensor.cfa.is_bayer().then(input).transpose()?;

@@ -72,17 +72,11 @@ impl Saturation {
     }
 
     /// The warning of a shot that many pixels cannot hold, with settings that would hold it.
-    pub fn warning(
-        &self,
-        request: &Request,
-        sensor: &SensorModel,
-        name: &str,
-        white_e: f32,
-    ) -> Option<String> {
+    pub fn warning(&self, request: &Request, sensor: &SensorModel, white_e: f32) -> Option<String> {
         if self.share < WARNED_SHARE {
             return None;
         }
-        let saturated = format!("{name}: {:.1} % of the pixels are saturated", 100.0 * self.share);
+        let saturated = format!("{:.1} % of the pixels are saturated", 100.0 * self.share);
         if self.highest >= 1.0 {
             return Some(format!("{saturated}: the scene is brighter than white there"));
         }

@@ -18,6 +18,7 @@ use super::shot::{Each, Taken, noise, placed};
 use crate::context::Context;
 use crate::error::Result;
 use crate::event::WarningKind;
+use crate::noted::Noted;
 
 /// A camera for photographs in three colours that is opened once: its PSFs are traced for the first of them.
 pub struct Photographer {
@@ -103,17 +104,17 @@ impl Photographer {
     ) -> Result<Vec<Facts>> {
         let Self { rig, taker, .. } = self;
         warn_of_small_pictures(request, rig, photos, context);
-        let mut written = Vec::new();
+        let (mut written, noted) = (Vec::new(), Noted::new(context, "picture"));
         for (frame, (name, photo)) in photos.iter().enumerate() {
             check_not_stopped(frame, request, context)?;
             context.progress(frame as u64, photos.len() as u64, name);
             if let Some(note) = request.place.note(photo, rig.frame) {
-                context.note(format!("{name}: {note}"));
+                noted.note(name, note);
             }
             let picture = placed(request, photo, rig.frame);
             let taken = self.taken(request, &picture, frame as u64, context.cancel())?;
             let (facts, warning) = each(rig, taker.body(), name, taken)?;
-            warning.into_iter().for_each(|warning| context.warning(WarningKind::Saturation, warning));
+            warning.into_iter().for_each(|warning| noted.warning(name, WarningKind::Saturation, warning));
             written.push(facts);
         }
         context.progress(photos.len() as u64, photos.len() as u64, "");

@@ -27,6 +27,7 @@ use super::shot::{Each, Taken, placed};
 use crate::context::Context;
 use crate::error::{JobError, Result};
 use crate::event::WarningKind;
+use crate::noted::Noted;
 
 /// Takes all images, and gives each to `each`.
 pub fn run(
@@ -59,7 +60,7 @@ pub fn run(
     }
     // Warnings about files have been shown.
     let silent = context.silent();
-    let mut written = Vec::new();
+    let (mut written, noted) = (Vec::new(), Noted::new(context, "picture"));
     let mut last_note = String::new();
     for (frame, path) in request.images.iter().enumerate() {
         check_not_stopped(frame, request, context)?;
@@ -77,7 +78,7 @@ pub fn run(
             .map_err(|error| named(path, error))?;
         let (camera, taken) = take(request, (&rig, &turned), light, &electrons, frame)?;
         let (mut facts, warning) = each(&rig, camera.body(), &name, taken)?;
-        warning.into_iter().for_each(|warning| context.warning(WarningKind::Saturation, warning));
+        warning.into_iter().for_each(|warning| noted.warning(&name, WarningKind::Saturation, warning));
         facts.extend(light.facts(request, &conditions));
         written.push(facts);
         let note = light.says(request, &conditions);

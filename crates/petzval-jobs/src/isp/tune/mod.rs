@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 
 use self::cases::{Case, cases, fingerprint};
 use self::folder::{Checkpoint, TuneFolder};
-use super::frame::read_frame;
+use super::frame::{Source, noted_frames, read_frame, read_one};
 use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, Result, Stopped};
@@ -332,9 +332,9 @@ impl Tuner<'_> {
 
     /// Checks every frame and its reference before anything is written.
     fn check_frames(&self) -> Result<()> {
-        let pictures = NotedPictures::new(self.context);
+        let (pictures, frames) = (NotedPictures::new(self.context), noted_frames(self.context));
         for case in &self.cases {
-            let frame = read_frame(&case.raw, &self.plan.frame, self.context)?;
+            let frame = read_one(Source::File(&case.raw), &self.plan.frame, &frames)?;
             case.read_reference((frame.height, frame.width), &pictures)?;
         }
         Ok(())
