@@ -12,6 +12,7 @@ mod file_schemas;
 mod float_file;
 mod glass_file;
 mod glass_toml;
+mod impossible;
 pub mod isp_file;
 mod label_image;
 pub mod lens_toml;

@@ -378,7 +378,11 @@ fn what_cannot_be_traced_is_refused_with_line_and_surface() {
             &["line 4: `field_type = sky`", "object_height"],
         ),
         (r#""unit": "nm""#, r#""unit": "furlong""#, &["line 5: `unit = furlong`: no such unit", "nm, um"]),
-        (r#""value": 486.1"#, r#""value": 486100"#, &["a wavelength of 486.1 um is not optical"]),
+        (
+            r#""value": 486.1"#,
+            r#""value": 486100"#,
+            &["`value = 486100`: a wavelength of 486100 nm is not optical", "did you mean 486.1?"],
+        ),
         (r#"{"type": "ObjectSurface""#, r#"{"type": "Surface""#, &["this is not a lens", "ObjectSurface"]),
         ("\"version\": 1.0,", "\"version\": 1.0]", &["this is not JSON"]),
         ("{\n\"version\"", "[\n\"version\"", &["a lens in JSON begins with a brace"]),

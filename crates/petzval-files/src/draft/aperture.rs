@@ -31,6 +31,41 @@ pub(crate) enum Aperture {
     StopRadius(f64),
 }
 
+impl Aperture {
+    /// The number of the file and what it is; `None` where the file gives none.
+    fn stated(self) -> Option<(f64, &'static str)> {
+        match self {
+            Self::EntrancePupil(mm) => Some((mm, "the diameter of the entrance pupil")),
+            Self::FNumber(f) | Self::WorkingFNumber(f) | Self::ImageFNumber(f) => Some((f, "the f-number")),
+            Self::ImageNa(na) => Some((na, "the numerical aperture at the image")),
+            Self::ObjectNa(sine) => Some((sine, "the numerical aperture at the object")),
+            Self::ObjectCone(deg) => Some((deg, "the angle of the marginal ray at the object")),
+            Self::StopRadius(mm) => Some((mm, "the radius of the stop")),
+            Self::StopSize => None,
+        }
+    }
+
+    /// Refuses numbers of which no lens makes a beam.
+    fn check(self, record: &Record) -> Result<(), FileError> {
+        let Some((value, what)) = self.stated() else { return Ok(()) };
+        if value <= 0.0 {
+            let hint = if value < 0.0 { "leave the sign out" } else { "a beam without a width has no light" };
+            return Err(record.error(format!("{what} must be positive, not {}", shown(value))).hint(hint));
+        }
+        match self {
+            Self::ObjectNa(sine) if sine >= 1.0 => {
+                let message = format!("{what} is below 1, not {}", shown(sine));
+                Err(record.error(message).hint("it is the sine of an angle in air"))
+            }
+            Self::ObjectCone(deg) if deg >= 90.0 => {
+                let message = format!("{what} is below 90 degrees, not {}", shown(deg));
+                Err(record.error(message).hint("it is half of the cone of light"))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
 /// Diameters of the beam at the first vertex that can be traced, mm. Outside this range squares of ray coordinates lose their meaning
 /// in floating point.
 const PUPILS_MM: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
@@ -45,6 +80,7 @@ pub(super) fn entrance_pupil_mm(
     (aperture, record): &(Aperture, Record),
     stop: Clear,
 ) -> Result<f64, FileError> {
+    aperture.check(record)?;
     let sequence = lens.at_wavelength(lens.reference_um);
     let order = first_order(&sequence);
     let efl_mm = order.efl_mm.abs();
@@ -69,13 +105,14 @@ pub(super) fn entrance_pupil_mm(
         (Aperture::ObjectNa(sine), Some((to_pupil, _))) => from_sine(sine, to_pupil),
         (Aperture::ObjectCone(deg), Some((to_pupil, _))) => 2.0 * to_pupil * deg.to_radians().tan(),
         (Aperture::ObjectNa(_) | Aperture::ObjectCone(_), None) => {
-            return Err(record.error("an aperture at the object needs an object at a finite distance"));
+            let error = record.error("an aperture at the object needs an object at a finite distance");
+            return Err(error.hint("give the diameter of the entrance pupil, or an f-number"));
         }
         (Aperture::StopSize, _) => {
             let (Clear::Edge(semi) | Clear::Beam(semi) | Clear::Open(semi)) = stop;
             if semi <= 0.0 {
                 let message = "the stop's size is the aperture, but the stop has no semi-diameter";
-                return Err(record.error(message));
+                return Err(record.error(message).hint("give the stop its semi-diameter"));
             }
             from_stop(semi)
         }
@@ -95,7 +132,33 @@ pub(super) fn entrance_pupil_mm(
             shown(*PUPILS_MM.start()),
             shown(*PUPILS_MM.end())
         );
-        Err(record.error(message).hint("is the lens afocal, or the stop at a focus?"))
+        Err(record.error(message).hint(hint_about_beam(*aperture, near, efl_mm, diameter)))
+    }
+}
+
+/// What to do about a beam that cannot be traced: the number of the aperture is at fault, or the lens that it belongs to.
+///
+/// `near` holds, for a near object, its distance from the entrance pupil, mm, and the inverse of the magnification.
+fn hint_about_beam(aperture: Aperture, near: Option<(f64, f64)>, efl_mm: f64, diameter_mm: f64) -> String {
+    match aperture {
+        Aperture::EntrancePupil(mm) if !PUPILS_MM.contains(&mm) => {
+            "is the number a diameter in the lens unit of the file?".to_owned()
+        }
+        Aperture::FNumber(_)
+        | Aperture::WorkingFNumber(_)
+        | Aperture::ImageFNumber(_)
+        | Aperture::ImageNa(_)
+            if near.is_none() && PUPILS_MM.contains(&efl_mm) =>
+        {
+            format!("is the number right? the focal length is {} mm", rounded(efl_mm))
+        }
+        // Only an arc sine beyond 1 is no number where there is an image.
+        Aperture::ImageFNumber(_) | Aperture::ImageNa(_)
+            if diameter_mm.is_nan() && near.is_some_and(|(_, slope)| slope.is_normal()) =>
+        {
+            "is the number right? the magnification makes it a sine above 1 at the object".to_owned()
+        }
+        _ => "is the lens afocal, or the stop at a focus?".to_owned(),
     }
 }
 

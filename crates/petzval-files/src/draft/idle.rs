@@ -26,7 +26,14 @@ pub(super) fn without_idle_planes(
         let removed = drafted.remove(plane);
         let along_mm = removed.surface.thickness_mm;
         match plane.checked_sub(1) {
-            Some(before) => drafted[before].surface.thickness_mm += along_mm,
+            Some(before) => {
+                let front = &mut drafted[before];
+                // The longer of the two decides where their sum leads.
+                if along_mm.abs() > front.surface.thickness_mm.abs() {
+                    front.places.thickness = Some(removed.thickness_at().clone());
+                }
+                front.surface.thickness_mm += along_mm;
+            }
             None => *object_mm += along_mm,
         }
         stop -= usize::from(plane < stop);

@@ -1,6 +1,7 @@
 //! The items that a file lists between object and image: surfaces and coordinate breaks.
 
 use super::record::Record;
+use crate::impossible::Culprit;
 use petzval_optics::lens::Surface;
 
 /// The clear semi-diameter that the file gives for a surface.
@@ -21,8 +22,42 @@ pub(crate) struct Drafted {
     pub surface: Surface,
     pub clear: Clear,
     pub record: Record,
+    pub places: Places,
     /// Where the aperture stands that [`Clear::Edge`] encloses, if that is off the vertex.
     pub offset: Option<Offset>,
+}
+
+/// The records of single numbers of a surface; `None` for those that stand in the surface's own record.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Places {
+    pub thickness: Option<Record>,
+    /// Of the clear semi-diameter.
+    pub clear: Option<Record>,
+    pub glass: Option<Record>,
+}
+
+impl Drafted {
+    /// The record of the thickness.
+    pub fn thickness_at(&self) -> &Record {
+        self.places.thickness.as_ref().unwrap_or(&self.record)
+    }
+
+    /// Whether the file leaves its clear semi-diameter to the beam.
+    pub fn follows_beam(&self) -> bool {
+        matches!(self.clear, Clear::Open(_))
+    }
+
+    /// The record of what a defect is about. A clear semi-diameter that the beam makes follows from `aperture`, that of the lens.
+    pub fn record_of<'a>(&'a self, culprit: Culprit, aperture: &'a Record) -> &'a Record {
+        let own = &self.record;
+        match culprit {
+            Culprit::Thickness => self.thickness_at(),
+            Culprit::SemiDiameter if self.follows_beam() => aperture,
+            Culprit::SemiDiameter => self.places.clear.as_ref().unwrap_or(own),
+            Culprit::Glass => self.places.glass.as_ref().unwrap_or(own),
+            Culprit::Placement | Culprit::ThinLens | Culprit::Other => own,
+        }
+    }
 }
 
 /// A round aperture off the vertex of its surface.
@@ -53,4 +88,6 @@ pub(crate) struct Break {
     /// Distance along the new axis to the next item, mm.
     pub thickness_mm: f64,
     pub record: Record,
+    /// The record of its thickness, if it is not its own.
+    pub thickness_at: Option<Record>,
 }

@@ -13,19 +13,21 @@ mod place;
 mod power;
 mod record;
 mod telecentric;
+mod wavelengths;
 
 pub(super) use aperture::{AS_WIDE, Aperture, rounded};
 pub use clear::with_open_surfaces;
 use clear::with_semi_diameters;
 pub(super) use field::{FieldKind, Fields};
-pub(super) use item::{Break, Clear, Drafted, Item, Offset};
+pub(super) use item::{Break, Clear, Drafted, Item, Offset, Places};
 pub(super) use place::{check_angles, is_bend, undone};
 pub(super) use power::{in_mm, set_powers};
 pub(super) use record::{Record, line_end};
 pub(super) use telecentric::{FAR_PUPIL, has_pupil_at_infinity, with_stop_beside_focus};
+pub(super) use wavelengths::{Wave, Wavelengths};
 
-use super::loss::{Effect, Loss, Losses};
-use crate::wavelength::{OPTICAL_UM, wavelength_message};
+use super::loss::{Loss, Losses};
+use crate::impossible::{Culprit, hint, measured_surfaces};
 use petzval_base::FileError;
 
 use super::LensFile;
@@ -79,9 +81,6 @@ impl Import {
     }
 }
 
-/// Wavelengths, um, with their weights, in the order of the file.
-pub(super) type Wavelengths = (Vec<(f64, f64)>, Record);
-
 /// The content of a file, in the terms of the file (see the module).
 #[derive(Clone, Debug)]
 pub(super) struct Draft {
@@ -111,7 +110,7 @@ impl Draft {
         if drafted.is_empty() {
             return Err(Record::default().error("there is no surface between object and image"));
         }
-        let (wavelengths_um, reference_um) = wavelengths(&self.wavelengths, self.reference, &mut losses)?;
+        let (wavelengths_um, reference_um) = self.wavelengths.of_lens(self.reference, &mut losses)?;
         let object = match object_mm {
             far if far.abs() >= FAR_MM => ObjectDistance::Infinity,
             near if near != 0.0 && !near.is_nan() => ObjectDistance::Finite(near),
@@ -128,6 +127,7 @@ impl Draft {
             reference_um,
             fields_deg: vec![0.0],
         };
+        let at_fault = |defect: &LensDefect, drafted: &[Drafted]| at_fault(defect, drafted, &self.aperture.1);
         // Check the lens before first-order optics computes aperture, fields and semi-diameters from it.
         traceable(&opened(&lens)).map_err(|defect| at_fault(&defect, &drafted))?;
         if self.at_paraxial_focus {
@@ -163,45 +163,12 @@ fn opened(lens: &Lens) -> Lens {
     open
 }
 
-/// The error for a defect of the lens, at the record of its surface.
-fn at_fault(defect: &LensDefect, drafted: &[Drafted]) -> FileError {
+/// The error for a defect of the lens, at the record of what the defect is about. `aperture` is the record of the aperture.
+fn at_fault(defect: &LensDefect, drafted: &[Drafted], aperture: &Record) -> FileError {
+    let follows_beam =
+        measured_surfaces(defect).into_iter().filter_map(|i| drafted.get(i)).any(Drafted::follows_beam);
     let surface = defect.surface().and_then(|number| drafted.get(number - 1));
-    let record = surface.map_or_else(Record::default, |d| d.record.clone());
-    record.error(format!("this lens is impossible: {defect}"))
-}
-
-/// The wavelengths of the lens, um, ascending, and the reference wavelength. Wavelengths of weight 0 are left out, except as
-/// the reference; if all have it, all stay.
-fn wavelengths(
-    (list, record): &Wavelengths,
-    reference: usize,
-    losses: &mut Losses,
-) -> Result<(Vec<f64>, f64), FileError> {
-    for (um, _) in list {
-        if !OPTICAL_UM.contains(um) {
-            return Err(record.error(wavelength_message(super::decimal::shown(*um))));
-        }
-    }
-    let Some((reference_um, _)) = list.get(reference) else {
-        let message = format!("there is no wavelength {}: the file has {}", reference + 1, list.len());
-        return Err(record.error(message));
-    };
-    let mut judged: Vec<(f64, f64)> = list.iter().copied().filter(|(_, weight)| *weight != 0.0).collect();
-    if judged.is_empty() {
-        if list.len() > 1 {
-            record.lose(losses, Effect::NoRay, "all wavelengths have the weight 0: all count the same");
-        }
-        judged.clone_from(list);
-    } else if list.iter().enumerate().any(|(i, (_, weight))| *weight == 0.0 && i != reference) {
-        record.lose(losses, Effect::NoRay, "wavelengths of weight 0 are not kept");
-    }
-    let mut all: Vec<f64> = judged.iter().map(|(um, _)| *um).collect();
-    all.sort_by(f64::total_cmp);
-    all.dedup();
-    // A wavelength that the file lists twice has twice the weight there.
-    let is_even = all.len() == judged.len() && judged.windows(2).all(|pair| pair[0].1 == pair[1].1);
-    if all.len() > 1 && !is_even {
-        record.lose(losses, Effect::NoRay, "weights of wavelengths are not kept: all count the same");
-    }
-    Ok((all, *reference_um))
+    let record = surface.map(|surface| surface.record_of(Culprit::of(defect), aperture).clone());
+    let error = record.unwrap_or_default().error(format!("this lens is impossible: {defect}"));
+    error.hint(hint(defect, follows_beam))
 }

@@ -5,7 +5,7 @@ use petzval_optics::lens::{Lens, Placement, Surface};
 use petzval_optics::paraxial::first_order;
 
 use super::field::Fields;
-use super::item::{Clear, Drafted, Offset};
+use super::item::{Clear, Drafted, Offset, Places};
 use crate::loss::{Effect, Losses};
 
 /// Treats the apertures that stand off the vertex of their surface. Returns the lens and its surfaces.
@@ -42,7 +42,8 @@ pub(super) fn with_planes(
         drafted[i].clear = Clear::Open(0.0);
         lens.surfaces.insert(i, surface.clone());
         lens.stop += 1;
-        drafted.insert(i, Drafted { surface, clear: Clear::Edge(radius_mm), record, offset: None });
+        let (clear, places) = (Clear::Edge(radius_mm), Places::default());
+        drafted.insert(i, Drafted { surface, clear, record, places, offset: None });
     }
     (lens, drafted)
 }

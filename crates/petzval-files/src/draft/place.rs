@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use super::item::{Break, Clear, Drafted, Item};
+use super::item::{Break, Clear, Drafted, Item, Places};
 use super::record::Record;
 use petzval_base::FileError;
 use petzval_optics::glass::Glass;
@@ -119,6 +119,7 @@ pub(super) fn lower(items: Vec<Item>, stop_item: usize) -> Result<(Vec<Drafted>,
                 placed.axis = if undoes(&b, &placed) { Axis::Returns } else { Axis::Bends };
                 drafted.surface.thickness_mm = b.thickness_mm;
                 drafted.surface.placement = Some(placed);
+                drafted.places.thickness = b.thickness_at.or(Some(b.record));
             }
         }
         push(&mut surfaces, drafted);
@@ -163,6 +164,7 @@ fn dummies(b: &Break, front: &Arc<Glass>) -> Vec<Drafted> {
         },
         clear: Clear::Open(0.0),
         record: b.record.clone(),
+        places: Places { thickness: b.thickness_at.clone(), ..Places::default() },
         offset: None,
     };
     moves.into_iter().enumerate().map(dummy).collect()

@@ -11,6 +11,7 @@ use super::{Expect, Expected, ExpectedSpots, LensFile};
 use crate::draft::{FAR_PUPIL, Import, has_pupil_at_infinity, with_open_surfaces, with_stop_beside_focus};
 use crate::field_weights::{WeightFault, uneven_weights};
 use crate::glass_toml::read_glasses;
+use crate::impossible::{Culprit, hint, measured_surfaces};
 use crate::loss::{Effect, Loss};
 use crate::spanned::Spanned;
 use crate::wavelength::{OPTICAL_UM, wavelength_hint, wavelength_message};
@@ -90,11 +91,7 @@ pub fn parse_lens_start(text: &str, catalog: &Catalog) -> Result<Import, FileErr
     let field_weights = reader.field_weights(&file.fields, lens.fields_deg.len())?;
     traceable(&lens).map_err(|defect| reader.defect(&defect, &file))?;
     reader.check_entrance_pupil(&lens, &file)?;
-    let is_open = |i: &usize| {
-        let surface = file.surface[*i].get_ref();
-        surface.semi_diameter_mm.is_none() || surface.open.as_ref().is_some_and(|open| *open.get_ref())
-    };
-    let open: Vec<usize> = (0..file.surface.len()).filter(is_open).collect();
+    let open: Vec<usize> = (0..file.surface.len()).filter(|i| is_open(&file, *i)).collect();
     let (lens, mut losses, flaw) =
         with_open_surfaces(&lens, &open).map_err(|defect| reader.defect(&defect, &file))?;
     let unbuildable = flaw.map(|defect| reader.defect(&defect, &file));
@@ -690,38 +687,29 @@ impl Reader<'_> {
             return self.missing("surface", 0..0, message);
         };
         let thickness = ("thickness_mm", surface.thickness_mm.span());
-        let semi_diameter = surface.semi_diameter_mm.as_ref();
-        let semi_diameter = semi_diameter.map_or(thickness.clone(), |semi| ("semi_diameter_mm", semi.span()));
-        let ((key, span), hint) = match defect {
-            LensDefect::CentreThickness { .. } => (
-                thickness,
-                "it is at least 0; behind an odd number of mirrors it is at most 0, because light travels back",
-            ),
-            LensDefect::TooFar { quantity, .. } => {
-                let is_thickness = quantity.contains("thickness");
-                (if is_thickness { thickness } else { semi_diameter }, "lengths are in mm")
-            }
-            LensDefect::BendsWithoutMirror { .. } => {
-                let key = surface.placement.as_ref().map_or(thickness.1.clone(), |p| p.span());
-                (("placement", key), "only a mirror bends the axis; let it follow or return")
-            }
-            LensDefect::ThinLens { .. } => {
-                let key = surface.thin_lens.as_ref().map_or(thickness.1.clone(), |p| p.span());
-                (("thin_lens", key), "write `radius_mm = inf` and nothing else")
-            }
-            LensDefect::EdgeThickness { .. } | LensDefect::AirGap { .. } => {
-                (thickness, "raise the thickness, or lower the semi-diameters")
-            }
-            LensDefect::SurfaceEnds { .. } => {
-                (semi_diameter, "lower the semi-diameter, or flatten the surface")
-            }
-            LensDefect::Index { .. } => {
-                let glass = surface.glass.as_ref();
-                let glass = glass.map_or(thickness, |glass| ("glass", glass.span()));
-                (glass, "the formula does not hold at this wavelength")
-            }
-            _ => (semi_diameter, "every number of a surface is finite"),
+        // A key that the file leaves out has its place at the thickness.
+        let at = |key: &'static str, span: Option<Range<usize>>| match span {
+            Some(span) => (key, span),
+            None => thickness.clone(),
         };
-        self.error(key, span, message).hint(hint)
+        let semi_diameter = surface.semi_diameter_mm.as_ref().map(Spanned::span);
+        let measured = measured_surfaces(defect);
+        let follows_beam = measured.iter().filter(|i| **i < file.surface.len()).any(|i| is_open(file, *i));
+        let pupil = &file.aperture.entrance_pupil_diameter_mm;
+        let (key, span) = match Culprit::of(defect) {
+            Culprit::Thickness => thickness.clone(),
+            Culprit::SemiDiameter if follows_beam => ("entrance_pupil_diameter_mm", pupil.span()),
+            Culprit::SemiDiameter | Culprit::Other => at("semi_diameter_mm", semi_diameter),
+            Culprit::Placement => at("placement", surface.placement.as_ref().map(Spanned::span)),
+            Culprit::ThinLens => at("thin_lens", surface.thin_lens.as_ref().map(Spanned::span)),
+            Culprit::Glass => at("glass", surface.glass.as_ref().map(Spanned::span)),
+        };
+        self.error(key, span, message).hint(hint(defect, follows_beam))
     }
+}
+
+/// Whether a surface, from 0, has no edge of its own.
+fn is_open(file: &LensText, surface: usize) -> bool {
+    let surface = file.surface[surface].get_ref();
+    surface.semi_diameter_mm.is_none() || surface.open.as_ref().is_some_and(|open| *open.get_ref())
 }

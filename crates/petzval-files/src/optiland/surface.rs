@@ -6,7 +6,7 @@ use petzval_optics::lens::{Action, Surface, SurfaceShape};
 
 use super::material::medium;
 use super::object::{Object, number_of};
-use crate::draft::{Clear, Drafted, Record, set_powers};
+use crate::draft::{Clear, Drafted, Places, Record, set_powers};
 use crate::loss::{Effect, Losses};
 use crate::yaml::Node;
 
@@ -145,7 +145,8 @@ impl<'a> RawSurface<'a> {
             action,
             ..Surface::default()
         };
-        Ok(Drafted { surface, clear: self.clear(losses)?, record: self.record.clone(), offset: None })
+        let (record, places) = (self.record.clone(), Places::default());
+        Ok(Drafted { surface, clear: self.clear(losses)?, record, places, offset: None })
     }
 
     /// The shape: `z = r^2 / (R (1 + sqrt(1 - (1 + k) r^2 / R^2)))` and, with i from 0, `C_i r^(2 i + 2)` of an even asphere or

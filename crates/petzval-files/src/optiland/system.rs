@@ -4,8 +4,9 @@ use petzval_base::FileError;
 
 use super::object::Object;
 use crate::decimal::{shifted, shown};
-use crate::draft::{Aperture, FieldKind, Fields, MOST_VALUES, Record, Wavelengths};
+use crate::draft::{Aperture, FieldKind, Fields, MOST_VALUES, Record, Wave, Wavelengths};
 use crate::loss::{Effect, Losses};
+use crate::wavelength::WavelengthUnit;
 
 /// Keys of a field.
 const FIELD_KEYS: &[&str] = &["field_type", "x", "y", "vx", "vy", "weight"];
@@ -108,20 +109,22 @@ pub(super) fn wavelengths(root: &Object<'_>, losses: &mut Losses) -> Result<(Wav
     for (i, node) in listed.iter().enumerate() {
         let wave = Object::new(node, "wavelengths")?;
         wave.report_others(WAVELENGTH_KEYS, losses);
-        let power = match wave.text("unit")?.unwrap_or("um").to_lowercase().as_str() {
-            "nm" => -3,
-            "um" => 0,
-            "mm" => 3,
-            "cm" => 4,
-            "m" => 6,
+        let unit = match wave.text("unit")?.unwrap_or("um").to_lowercase().as_str() {
+            "nm" => WavelengthUnit::NM,
+            "um" => WavelengthUnit::UM,
+            "mm" => WavelengthUnit { name: "mm", power: 3 },
+            "cm" => WavelengthUnit { name: "cm", power: 4 },
+            "m" => WavelengthUnit { name: "m", power: 6 },
             _ => return Err(wave.error("unit", "no such unit").hint("nm, um, mm, cm and m are known")),
         };
-        let um = shifted(wave.needed_text("value")?, power)
-            .ok_or_else(|| wave.error("value", "expected a number"))?;
-        list.push((um, wave.number("weight")?.unwrap_or(1.0)));
+        let text = wave.needed_text("value")?;
+        let um = shifted(text, unit.power).ok_or_else(|| wave.error("value", "expected a number"))?;
+        let weight = wave.number("weight")?.unwrap_or(1.0);
+        let record = Record::new(wave.line("value"), &format!("value = {text}"));
+        list.push(Wave { um, weight, unit, record });
         if wave.flag("is_primary")? {
             primary = i;
         }
     }
-    Ok(((list, group.record("wavelengths")), primary))
+    Ok((Wavelengths { list, record: group.record("wavelengths") }, primary))
 }

@@ -223,7 +223,13 @@ impl Reader {
         let count = self.surfaces.len();
         if count < 3 || !self.has_image {
             let message = "this is not a lens: it has no object, surface and image";
-            return Err(FileError::at_line(0, "", message).hint("they are SO, S and SI"));
+            let is_cut_short = count > 1 && !self.has_image;
+            let hint = if is_cut_short {
+                "is the file cut short? its last surface is no image, SI"
+            } else {
+                "they are SO, S and SI"
+            };
+            return Err(FileError::at_line(0, "", message).hint(hint));
         }
         // Check object, image and stop.
         let (object, image) = (&self.surfaces[0], &self.surfaces[count - 1]);

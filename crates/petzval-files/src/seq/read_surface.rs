@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::command::{Command, Word};
 use super::glass::{PrivateGlasses, fictitious};
-use crate::draft::{Break, Clear, Drafted, Offset, Record, check_angles, in_mm, is_bend, set_powers};
+use crate::draft::{Break, Clear, Drafted, Offset, Places, Record, check_angles, in_mm, is_bend, set_powers};
 use crate::loss::{Effect, Losses};
 use crate::old_glass::substitute;
 use petzval_base::FileError;
@@ -73,6 +73,8 @@ pub(super) struct RawSurface {
     curvature: Option<f64>,
     curvature_x: Option<f64>,
     pub thickness: f64,
+    /// The command of its thickness, if it is not the line of the surface.
+    thickness_at: Option<Record>,
     glass: Option<(Word, Record)>,
     mirror: bool,
     formula: (Formula, Record),
@@ -88,6 +90,8 @@ pub(super) struct RawSurface {
     pub turned: Record,
     is_placed: bool,
     edge: Option<f64>,
+    /// The last command of its aperture.
+    edge_at: Option<Record>,
     half_widths: [f64; 2],
     offset: [f64; 2],
     /// The command of its offset.
@@ -232,7 +236,10 @@ impl RawSurface {
                 }
                 self.thickness = f64::INFINITY;
             }
-            "THI" => self.thickness = value()?,
+            "THI" => {
+                self.thickness = value()?;
+                self.thickness_at = Some(command.record.clone());
+            }
             "GLA" => {
                 let [word] = words else { return Err(command.error("the glass must be one word")) };
                 self.glass = Some((word.clone(), command.record.clone()));
@@ -322,6 +329,7 @@ impl RawSurface {
         if value <= 0.0 {
             return Err(command.error("an aperture must be positive"));
         }
+        self.edge_at = Some(command.record.clone());
         match command.name.as_str() {
             "CIR" => self.edge = Some(value),
             "REX" => self.half_widths[0] = value,
@@ -432,12 +440,25 @@ impl RawSurface {
             record: self.offset_at.clone(),
         });
         Ok(Made {
-            drafted: Drafted { surface, clear, record: self.record.clone(), offset },
+            drafted: Drafted { surface, clear, record: self.record.clone(), places: self.places(), offset },
             along_mm,
-            behind: behind.map(|b| Break { thickness_mm, ..b }),
+            behind: behind.map(|b| Break { thickness_mm, thickness_at: Some(self.thickness_at()), ..b }),
             substituted,
             does_nothing,
         })
+    }
+
+    /// The command of its thickness.
+    fn thickness_at(&self) -> Record {
+        self.thickness_at.as_ref().unwrap_or(&self.record).clone()
+    }
+
+    fn places(&self) -> Places {
+        Places {
+            thickness: Some(self.thickness_at()),
+            clear: self.edge_at.clone(),
+            glass: self.glass.as_ref().map(|(_, record)| record.clone()),
+        }
     }
 
     /// The placement of the surface. Rotations about x and y are left-handed.
@@ -477,8 +498,8 @@ impl RawSurface {
                     decenter_mm: placed.decenter_mm.map(|v| 0.0 - v),
                     tilt_rad: placed.tilt_rad.map(|v| 0.0 - v),
                     tilt_first: true,
-                    thickness_mm: 0.0,
                     record: record.clone(),
+                    ..Break::default()
                 };
                 Ok(Decenter { behind: Some(behind), ..Decenter::default() })
             }

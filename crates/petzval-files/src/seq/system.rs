@@ -2,8 +2,9 @@
 
 use super::command::Command;
 use crate::decimal::shifted;
-use crate::draft::{AFOCAL_IMAGE_SPACE, Aperture, FieldKind, Fields, MOST_VALUES, Record, Wavelengths};
+use crate::draft::{AFOCAL_IMAGE_SPACE, Aperture, FieldKind, Fields, MOST_VALUES, Record, Wave, Wavelengths};
 use crate::loss::{Effect, Losses};
+use crate::wavelength::WavelengthUnit;
 use petzval_base::FileError;
 
 /// Default wavelength, um.
@@ -161,7 +162,13 @@ impl System {
                 middle
             }
         };
-        let list = um.into_iter().enumerate().map(|(i, um)| (um, weight(i))).collect();
-        Ok(((list, record), reference))
+        let wave = |(i, um): (usize, f64)| Wave {
+            um,
+            weight: weight(i),
+            unit: WavelengthUnit::NM,
+            record: record.clone(),
+        };
+        let list = um.into_iter().enumerate().map(wave).collect();
+        Ok((Wavelengths { list, record }, reference))
     }
 }

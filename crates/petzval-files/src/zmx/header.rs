@@ -1,8 +1,9 @@
 //! Reads the header of a file: title, units, aperture, fields, wavelengths.
 
 use super::record::{HEADER_BOOKKEEPING, Line};
-use crate::draft::{AFOCAL_IMAGE_SPACE, Aperture, FieldKind, Fields, MOST_VALUES, Record, Wavelengths};
+use crate::draft::{AFOCAL_IMAGE_SPACE, Aperture, FieldKind, Fields, MOST_VALUES, Record, Wave, Wavelengths};
 use crate::loss::{Effect, Losses};
+use crate::wavelength::WavelengthUnit;
 use petzval_base::FileError;
 
 /// Temperature and pressure at which catalogues print indices: degrees Celsius and atmospheres.
@@ -29,8 +30,8 @@ pub(super) struct Header {
     vignetting: Vec<(Vec<f64>, Record)>,
     fields_at: Record,
     telecentric: Option<Record>,
-    /// Wavelength, um, and weight; `None` for a number that the file left out.
-    waves: Vec<Option<(f64, f64)>>,
+    /// `None` for a number that the file left out.
+    waves: Vec<Option<Wave>>,
     /// Weights in a record of their own, which count before those beside the wavelengths.
     wave_weights: Vec<f64>,
     waves_at: Record,
@@ -164,7 +165,8 @@ impl Header {
             let message = format!("wavelength {number} is already given");
             return Err(line.error(message).hint("keep one of the two"));
         }
-        self.waves[number - 1] = Some((um, weight));
+        let (unit, record) = (WavelengthUnit::UM, line.record());
+        self.waves[number - 1] = Some(Wave { um, weight, unit, record });
         Ok(())
     }
 
@@ -226,17 +228,20 @@ impl Header {
     }
 
     /// The wavelengths with the weights that count.
-    fn weighted_waves(&self) -> Vec<Option<(f64, f64)>> {
-        let weighted = |(i, wave): (usize, &Option<(f64, f64)>)| {
-            wave.map(|(um, beside)| (um, self.wave_weights.get(i).copied().unwrap_or(beside)))
+    fn weighted_waves(&self) -> Vec<Option<Wave>> {
+        let weighted = |(i, wave): (usize, &Option<Wave>)| {
+            let wave = wave.clone()?;
+            Some(Wave { weight: self.wave_weights.get(i).copied().unwrap_or(wave.weight), ..wave })
         };
         self.waves.iter().enumerate().map(weighted).collect()
     }
 
     /// Number of wavelengths before a run of equal ones at the end, but at least up to the primary wavelength.
-    fn without_filling(&self, waves: &[Option<(f64, f64)>]) -> usize {
+    fn without_filling(&self, waves: &[Option<Wave>]) -> usize {
         let all = waves.len();
-        let equal = waves.iter().rev().take_while(|wave| Some(*wave) == waves.last()).count();
+        let numbers = |wave: &Option<Wave>| wave.as_ref().map(|wave| (wave.um, wave.weight));
+        let last = waves.last().map(numbers);
+        let equal = waves.iter().rev().take_while(|wave| Some(numbers(wave)) == last).count();
         let primary = self.primary.as_ref().map_or(1, |(number, _)| *number);
         if equal < 2 { all } else { (all - equal).max(primary.max(1)).min(all) }
     }
@@ -256,9 +261,9 @@ impl Header {
             );
             self.waves_at.lose(losses, Effect::Assumed, message);
         }
-        let listed: Option<Vec<(f64, f64)>> = waves[..count].iter().copied().collect();
+        let listed: Option<Vec<Wave>> = waves.into_iter().take(count).collect();
         match listed.filter(|list| !list.is_empty()) {
-            Some(list) => Ok((list, self.waves_at.clone())),
+            Some(list) => Ok(Wavelengths { list, record: self.waves_at.clone() }),
             None => {
                 let message = "the file has no wavelengths, or leaves some out";
                 Err(self.waves_at.error(message).hint("each is a line `WAVM number um weight`"))

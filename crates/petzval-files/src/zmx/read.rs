@@ -121,7 +121,7 @@ fn finish(
     let mm = if header.mm == 0.0 { 1.0 } else { header.mm };
     let shapes = Shapes { mm, catalog, catalogs: &header.catalogs };
     object.check_end(&shapes, "object")?;
-    image.check_end(&shapes, "image")?;
+    image.check_image(&shapes)?;
     if let Some(line) = object.stop.as_ref().or(image.stop.as_ref()) {
         return Err(line.error("neither object nor image can be the aperture stop"));
     }
@@ -150,7 +150,7 @@ fn finish(
             losses.assume("the file gives no primary wavelength; the first is taken");
             0
         }
-        Some((number, record)) => match number.checked_sub(1).filter(|i| *i < wavelengths.0.len()) {
+        Some((number, record)) => match number.checked_sub(1).filter(|i| *i < wavelengths.list.len()) {
             Some(index) => index,
             None => return Err(record.error(format!("there is no wavelength {number}"))),
         },

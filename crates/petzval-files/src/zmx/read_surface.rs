@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::record::{Line, SOLVES, SURFACE_BOOKKEEPING, SURFACE_LOST};
 use crate::decimal::shown;
-use crate::draft::{Break, Clear, Drafted, Offset};
+use crate::draft::{Break, Clear, Drafted, Offset, Places};
 use crate::loss::{Effect, Losses};
 use crate::old_glass::{substitute, unknown_glass};
 use petzval_base::FileError;
@@ -55,6 +55,9 @@ pub(super) struct RawSurface<'a> {
     /// Records of [`ONCE`] that were read.
     said: Vec<&'a str>,
 }
+
+/// What to do about a last surface that is no image.
+const CUT_SHORT: &str = "is the file cut short? the image is a plane without a glass behind it";
 
 /// Records that a surface has at most once.
 const ONCE: &[&str] = &["TYPE", "CURV", "CONI", "DISZ", "GLAS", "DIAM", "STOP", "OBDC"];
@@ -186,6 +189,24 @@ impl<'a> RawSurface<'a> {
         }
     }
 
+    /// Checks that the last surface of a file is an image, and not a surface of the lens at which the file is cut short.
+    pub fn check_image(&self, shapes: &Shapes<'_>) -> Result<(), FileError> {
+        self.check_not_turned()?;
+        if let Some(line) = &self.glass {
+            let message = "the last surface has a glass, so it is not an image";
+            return Err(line.error(message).hint(CUT_SHORT));
+        }
+        let checked = self.check_end(shapes, "image");
+        let has_length = |line: &&Line<'_>| line.number(0).is_ok_and(|number| number.unwrap_or(0.0) != 0.0);
+        match self.thickness.as_ref().filter(has_length) {
+            Some(line) if checked.is_err() => {
+                let message = "the last surface is no plane and has a thickness, so it is not an image";
+                Err(line.error(message).hint(CUT_SHORT))
+            }
+            _ => checked,
+        }
+    }
+
     /// Checks that object or image is a plane, and that the object is in air.
     pub fn check_end(&self, shapes: &Shapes<'_>, what: &str) -> Result<(), FileError> {
         self.check_not_turned()?;
@@ -230,6 +251,7 @@ impl<'a> RawSurface<'a> {
             tilt_first: p(6) != 0.0,
             thickness_mm: self.finite_thickness_mm(shapes)?,
             record: self.kind.as_ref().unwrap_or(&self.line).record(),
+            thickness_at: self.thickness.as_ref().map(Line::record),
         }))
     }
 
@@ -257,7 +279,16 @@ impl<'a> RawSurface<'a> {
         let surface = Surface { label, shape, thickness_mm, glass, action, phase, ..Surface::default() };
         let record = self.kind.as_ref().unwrap_or(&self.line).record();
         let offset = self.offset_aperture(shapes);
-        Ok(Drafted { surface, clear: self.clear(shapes, losses)?, record, offset })
+        Ok(Drafted { surface, clear: self.clear(shapes, losses)?, record, places: self.places(), offset })
+    }
+
+    fn places(&self) -> Places {
+        let aperture = self.aperture.as_ref().map(|(_, line)| line);
+        Places {
+            thickness: self.thickness.as_ref().map(Line::record),
+            clear: aperture.or(self.semi_diameter.as_ref()).map(Line::record),
+            glass: self.glass.as_ref().map(Line::record),
+        }
     }
 
     /// The clear semi-diameter. Only an aperture blocks light; a semi-diameter without one does not.

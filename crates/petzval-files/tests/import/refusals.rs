@@ -29,9 +29,14 @@ fn records_that_cannot_be_traced_are_refused_with_their_line() {
             &["line 17", "no glass is called `N-BK8`", "N-BK7"],
         ),
         ("DISZ 4", "DISZ INFINITY", &["line 16: `DISZ INFINITY`", "only the object"]),
-        ("DISZ 4", "DISZ -4", &["line 14", "goes against the light"]),
+        ("DISZ 4", "DISZ -4", &["line 16: `DISZ -4`", "goes against the light", "it is at least 0"]),
+        ("DISZ 4", "DISZ 0.1", &["line 16: `DISZ 0.1`", "edge thickness", "raise the thickness"]),
         ("DISZ 4", "DISZ four", &["line 16: `DISZ four`", "not a finite number"]),
-        ("CLAP 0 6 0", "CLAP 0 60 0", &["line 14", "ends 50.0000 mm"]),
+        (
+            "CLAP 0 6 0",
+            "CLAP 0 60 0",
+            &["line 19: `CLAP 0 60 0`", "ends 50.0000 mm", "lower the semi-diameter"],
+        ),
         ("CLAP 0 6 0", "SCBD 1 0 0 0 0 10 0 0", &["line 19: `SCBD", "COORDBRK"]),
         ("MODE SEQ", "MODE NSC", &["line 2: `MODE NSC`", "sequential"]),
         ("UNIT MM", "UNIT FT", &["line 4", "no such lens unit"]),
@@ -43,7 +48,12 @@ fn records_that_cannot_be_traced_are_refused_with_their_line() {
         ("  STOP\n", "  STOP\nIGNR 1\n", &["line 14: `IGNR 1`", "an ignored surface"]),
         ("FTYP 0 0", "FTYP 4 0", &["line 6", "type 4"]),
         ("YFLN 0 2", "YFLN 0 180", &["line 7", "180 degrees"]),
-        ("0.5876 1", "587.6 1", &["line 8", "not optical"]),
+        ("0.5876 1", "587.6 1", &["line 8: `WAVM 1 587.6 1`", "not optical", "did you mean 0.5876?"]),
+        (
+            "2 1 0 0 0\nYFLN 0 2\nWAVM 1 0.5876 1",
+            "2 3 0 0 0\nYFLN 0 2\nWAVM 1 0.4861 1\nWAVM 2 0.5876 1\nWAVM 3 656.3 1",
+            &["line 10: `WAVM 3 656.3 1`", "656.3 um is not optical", "did you mean 0.6563?"],
+        ),
         ("PWAV 1", "PWAV 3", &["line 9: `PWAV 3`", "no wavelength 3"]),
         ("  STOP\n", "", &["aperture stop"]),
         ("SURF 2", "SURF 4", &["line 20: `SURF 4`", "not the next"]),
@@ -61,6 +71,11 @@ fn records_that_cannot_be_traced_are_refused_with_their_line() {
             "SURF 3\n  TYPE EVENASPH\n  PARM 2 1e-3",
             &["line 25", "image that is not a plane"],
         ),
+        (
+            "SURF 3\n",
+            "SURF 3\n  CURV 0.01\n  DISZ 3\n",
+            &["line 26: `DISZ 3`", "no plane and has a thickness", "is the file cut short?"],
+        ),
         ("SURF 3\n", "SURF 3\n  STOP\n", &["line 25: `STOP`", "neither object nor image"]),
         ("SURF 2\n", "TOL TOFF 0\nSURF 2\n", &["line 21: `SURF 2`", "after merit function"]),
         ("SURF 2\n", "surf 2\n", &["line 20: `surf 2`", "capitals"]),
@@ -76,12 +91,20 @@ fn records_that_cannot_be_traced_are_refused_with_their_line() {
         (
             "ENPD 10",
             "ENPD 1e300",
-            &["line 5: `ENPD 1e300`", "1e300 mm at the first vertex; 1e-6 to 1000000 mm"],
+            &["line 5: `ENPD 1e300`", "1e300 mm at the first vertex; 1e-6 to 1000000 mm", "lens unit"],
         ),
+        ("ENPD 10", "ENPD -20.0", &["line 5: `ENPD -20.0`", "entrance pupil must be positive", "the sign"]),
+        ("ENPD 10", "ENPD 0", &["line 5: `ENPD 0`", "entrance pupil must be positive", "has no light"]),
+        ("ENPD 10", "FNUM -4 0", &["line 5: `FNUM -4 0`", "the f-number must be positive, not -4"]),
+        ("ENPD 10", "OBNA 1.5 0", &["line 5: `OBNA 1.5 0`", "at the object is below 1, not 1.5"]),
+        ("ENPD 10", "OBNA 90 1", &["line 5: `OBNA 90 1`", "is below 90 degrees", "half of the cone"]),
         ("ENPD 10", "ENPD 1e-300", &["line 5", "1e-300 mm"]),
     ] {
         refused(parse_zmx(&changed(ZMX, from, to), &catalog()), needles);
     }
+    let (cut_short, _) = ZMX.split_once("SURF 2").unwrap();
+    let needles = &["line 17: `GLAS N-BK7", "the last surface has a glass", "is the file cut short?"];
+    refused(parse_zmx(cut_short, &catalog()), needles);
     let round = "FTYP 0 0 2 1 0 0 0\nYFLN 0 2";
     let text = changed(
         &changed(ZMX, round, "XFLN 1\nYFLN 0"),
@@ -139,17 +162,31 @@ fn records_that_cannot_be_traced_are_refused_with_their_line() {
         ("EPD 10", "EPD 10; FNO 4", &["line 3: `FNO 4`", "already"]),
         ("YAN 0 2", "YAN 0 2; YOB 1", &["line 6: `YOB 1`", "another kind"]),
         ("DIM M", "DIM F", &["line 4: `DIM F`"]),
-        ("WL 587.6", "WL 0.5876", &["line 5", "not optical"]),
+        (
+            "WL 587.6",
+            "WL 0.5876",
+            &["line 5: `WL 0.5876`", "0.5876 nm is not optical (200 to 20000 nm)", "did you mean 587.6?"],
+        ),
+        ("S 50 4", "S 50 -4", &["line 8: `S 50 -4 NBK7", "goes against the light", "it is at least 0"]),
+        ("  STO\n", "  STO\n  THI -4\n", &["line 10: `THI -4`", "goes against the light"]),
+        ("  CIR 6\n", "  CIR 60\n", &["line 10: `CIR 60`", "ends 50.0000 mm", "lower the semi-diameter"]),
+        ("EPD 10", "EPD -20", &["line 3: `EPD -20`", "entrance pupil must be positive", "the sign"]),
+        ("EPD 10", "NA 0", &["line 3: `NA 0`", "aperture at the image must be positive"]),
+        ("EPD 10", "FNO 1e-300", &["line 3: `FNO 1e-300`", "is the number right? the focal length is 96."]),
         ("WL 587.6", "WL 587.6; REF 2", &["line 5: `REF 2`", "no wavelength 2"]),
         ("WL 587.6", "WL 587.6; TEL Y", &["line 5: `TEL Y`", "telecentric"]),
         ("WL 587.6", "WL 587.6; TEL 0", &["line 5: `TEL 0`", "TEL says yes or no", "TEL N"]),
         ("RDM", "RDM OFF", &["line 1: `RDM OFF`", "RDM says yes or no", "write RDM Y or RDM N"]),
         ("SI 0 0", "SI 50 0", &["line 12: `SI 50 0`", "curved image"]),
-        ("SI 0 0\n", "", &["no object, surface and image"]),
+        ("SI 0 0\n", "", &["no object, surface and image", "cut short"]),
         ("SO 0.0 0.1e14\n", "", &["line 7: `S 50 4 NBK7_SCHOTT`", "SO"]),
     ] {
         refused(parse_seq(&changed(SEQ, from, to), &catalog()), needles);
     }
+    // A stop without an edge is as large as the aperture makes it.
+    let too_wide = changed(&changed(SEQ, "EPD 10", "EPD 120"), "  CIR 6\n", "");
+    let needles = &["line 3: `EPD 120`", "surface 1: the shape ends 50.0000 mm", "narrow the beam"];
+    refused(parse_seq(&too_wide, &catalog()), needles);
 }
 
 #[test]
