@@ -12,6 +12,7 @@ use petzval_learn::dataset::DatasetError;
 use petzval_learn::guest::GuestError;
 use petzval_optics::lens::Lens;
 use petzval_optics::pupil::{LostRay, where_lost};
+use petzval_optics::wave::NoWaves;
 
 /// A setting that cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -82,6 +83,9 @@ pub enum DesignError {
         /// Where its ray through the middle of the stop is lost, if it is.
         lost: Option<LostRay>,
     },
+    /// PSFs by waves of a lens that has none.
+    #[error("{0}")]
+    NoWaves(NoWaves),
     /// A place of the sensor on which no chief ray lands.
     #[error(
         "no chief ray lands {radius_mm:.3} mm from the axis: the image of this lens ends before, the lens is out of focus, or it is afocal; hint: \
@@ -373,6 +377,7 @@ impl DesignError {
                 | Self::Illuminant(_)
                 | Self::Electrons(_)
                 | Self::NoLight { .. }
+                | Self::NoWaves(_)
                 | Self::TooWideForAPicture { .. }
                 | Self::OutsideTheImage { .. }
                 | Self::NoTruth

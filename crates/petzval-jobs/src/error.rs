@@ -301,6 +301,7 @@ impl From<DesignError> for JobError {
             DesignError::NoLight { lost: Some(_), .. } => {
                 Self::input(error.to_string(), "let the light through there, or take a smaller sensor")
             }
+            DesignError::NoWaves(_) => Self::input(error.to_string(), "take rays: psf.kind = \"geometric\""),
             _ if error.is_stopped() => Stopped::new(error.to_string()).into(),
             DesignError::Image(ImageError::Io { ref source, .. }) => Self::system(
                 error.to_string(),

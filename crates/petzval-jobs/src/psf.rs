@@ -252,6 +252,9 @@ fn computed(request: &Request, lens: &Lens, plan: &PsfPlan, context: &Context) -
             let hint = beyond(field_deg).or_else(of_corner).unwrap_or_else(|| of_grid.clone());
             JobError::input(error.to_string(), hint)
         }
+        DesignError::NoWaves(_) => {
+            JobError::input(format!("{}: {error}", request.lens), "take rays: --kind geometric")
+        }
         // Here the corner is an option, and the hint of the error is for sensors.
         DesignError::OutsideTheImage { .. } => {
             let said = error.to_string();

@@ -2,6 +2,7 @@
 
 use petzval_camera::sensor::SensorModel;
 use petzval_optics::lens::Lens;
+use petzval_optics::wave::NoWaves;
 
 use crate::error::Result;
 use crate::experiment::{PsfConfig, PsfsBy};
@@ -98,7 +99,7 @@ pub(super) fn rays_or_waves(
     lens: &Lens,
 ) -> Result<Option<String>> {
     let by_rays = psf.plan(sensor, CELLS)?.trace(lens)?.by_rays();
-    let rough = psf.rough_fields(by_rays);
+    let rough = psf.rough_fields(by_rays, NoWaves::of(lens));
     if rough.is_some() {
         psf.kind = PsfsBy::Geometric;
     }

@@ -16,6 +16,7 @@ use petzval_optics::psf::{
 };
 use petzval_optics::pupil::{PupilRefinement, Quadrature, chief_ray, field_imaged_at};
 use petzval_optics::trace::Sequence;
+use petzval_optics::wave::NoWaves;
 use rayon::prelude::*;
 
 use crate::error::{DesignError, Result};
@@ -91,12 +92,12 @@ impl PsfConfig {
     }
 
     /// Warning for a camera that computes the PSFs of a share `by_rays` of its fields by rays although waves were requested; `None` if
-    /// there are no such fields.
-    pub fn rough_fields(&self, by_rays: f64) -> Option<String> {
+    /// there are no such fields. `no_waves` is that of its lens, if the lens is known.
+    pub fn rough_fields(&self, by_rays: f64, no_waves: Option<NoWaves>) -> Option<String> {
+        let why = no_waves.map_or_else(|| ROUGH.to_owned(), |no_waves| no_waves.to_string());
         (self.kind == PsfsBy::Diffraction && by_rays > 0.0).then(|| {
             format!(
-                "PSFs of {:.0} % of the fields are by rays: no wave can be computed there, because rays through the stop are lost or the \
-                 wavefront is too rough",
+                "PSFs of {:.0} % of the fields are by rays: no wave can be computed there, because {why}",
                 100.0 * by_rays
             )
         })
@@ -150,6 +151,9 @@ impl BankWithTape {
         fields.iter().filter(|by_rays| **by_rays).count() as f64 / fields.len().max(1) as f64
     }
 }
+
+/// Why no wave can be computed at a field of a lens that is not at hand.
+const ROUGH: &str = "rays through the stop are lost, the wavefront is too rough, or a surface is a thin lens";
 
 /// Least share of a PSF's light that its grid must hold to count as all.
 const LEAST_CAPTURED: f64 = 0.98;
@@ -396,8 +400,17 @@ impl PsfPlan {
         } else {
             of_kind(PsfKind::Geometric)
         };
-        let (psf, tape) = traced.ok_or_else(|| DesignError::no_light(lens, field_rad, colours))?;
+        let (psf, tape) = traced.ok_or_else(|| self.no_psf(lens, index, field_rad))?;
         Ok((psf, Some(tape)))
+    }
+
+    /// Why a field, which is the `index`-th, has no PSF.
+    fn no_psf(&self, lens: &Lens, index: usize, field_rad: f64) -> DesignError {
+        let needs_waves = self.is_by_waves(index) && self.rough_fields != RoughFields::ByRays;
+        match NoWaves::of(lens).filter(|_| needs_waves) {
+            Some(no_waves) => DesignError::NoWaves(no_waves),
+            None => DesignError::no_light(lens, field_rad, &self.wavelengths_um),
+        }
     }
 
     /// PSFs of every field.

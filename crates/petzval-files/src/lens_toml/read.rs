@@ -693,10 +693,17 @@ impl Reader<'_> {
             None => thickness.clone(),
         };
         let semi_diameter = surface.semi_diameter_mm.as_ref().map(Spanned::span);
-        let measured = measured_surfaces(defect);
-        let follows_beam = measured.iter().filter(|i| **i < file.surface.len()).any(|i| is_open(file, *i));
+        let culprit = Culprit::of(defect);
+        let follows_beam = if culprit == Culprit::SemiDiameter {
+            semi_diameter.is_none()
+        } else {
+            measured_surfaces(defect)
+                .into_iter()
+                .filter(|i| *i < file.surface.len())
+                .any(|i| is_open(file, i))
+        };
         let pupil = &file.aperture.entrance_pupil_diameter_mm;
-        let (key, span) = match Culprit::of(defect) {
+        let (key, span) = match culprit {
             Culprit::Thickness => thickness.clone(),
             Culprit::SemiDiameter if follows_beam => ("entrance_pupil_diameter_mm", pupil.span()),
             Culprit::SemiDiameter | Culprit::Other => at("semi_diameter_mm", semi_diameter),

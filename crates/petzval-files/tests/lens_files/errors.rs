@@ -157,6 +157,31 @@ fn mutilated_files_never_panic() {
     }
 }
 
+/// A lens whose semi-diameters follow from the beam is impossible because of the beam: the aperture is named.
+#[test]
+fn beams_that_make_a_lens_impossible_are_named() {
+    let text = |thickness: &str, pupil: &str| {
+        format!(
+            "name = \"singlet\"\nunits = \"mm\"\n[aperture]\nentrance_pupil_diameter_mm = {pupil}\n[object]\ndistance_mm = inf\n\
+             [wavelengths]\num = [0.5876]\n[fields]\nangle_deg = [0.0]\n[glass.M15]\nn = 1.5\n\
+             [[surface]]\nstop = true\nradius_mm = 50.0\nthickness_mm = {thickness}\nglass = \"M15\"\n\
+             [[surface]]\nradius_mm = inf\nthickness_mm = 97.0\n"
+        )
+    };
+    let error =
+        |thickness: &str, pupil: &str| parse_lens(&text(thickness, pupil), &Catalog::default()).unwrap_err();
+    let sharp = error("0.1", "20.0");
+    assert_eq!((sharp.key.as_str(), sharp.value.as_str()), ("thickness_mm", "0.1"), "{sharp}");
+    assert!(sharp.hint.unwrap().contains("narrow the beam"));
+    let short = error("80.0", "120.0");
+    assert_eq!(
+        (short.key.as_str(), short.value.as_str()),
+        ("entrance_pupil_diameter_mm", "120.0"),
+        "{short}"
+    );
+    assert!(short.message.contains("the shape ends 50.0000 mm") && short.hint.unwrap().contains("the beam"));
+}
+
 #[test]
 fn impossible_lenses_are_named() {
     let lens = parse_lens(&nominal(), &catalog()).unwrap().lens;

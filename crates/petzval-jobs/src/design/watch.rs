@@ -162,7 +162,7 @@ impl Observer for Watch<'_> {
                 format!("{}: {lost}; a larger psf.pitch_um holds more", m.camera),
             );
         }
-        if let Some(rough) = self.psf.rough_fields(m.psf_by_rays) {
+        if let Some(rough) = self.psf.rough_fields(m.psf_by_rays, None) {
             self.context.warning(WarningKind::PsfError, format!("{}: {rough}", m.camera));
         }
         let Some(errors) = m.psf_errors else { return };

@@ -7,6 +7,7 @@ use petzval_design::lens::view::surfaces;
 use petzval_optics::analysis::{AnalysisError, AnalysisOptions, analyze};
 use petzval_optics::lens::Lens;
 use petzval_optics::pupil::where_lost;
+use petzval_optics::wave::NoWaves;
 use petzval_report::lens_sheet::{PICTURES, Picture, page};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -219,6 +220,11 @@ impl Prepared {
             && let Some(warning) = out_of_focus(&name, &lens)
         {
             context.warning(WarningKind::OutOfFocus, format!("{name}: {warning}"));
+        }
+        if let Some(no_waves) = NoWaves::of(&lens) {
+            context.note(format!(
+                "{name}: {no_waves}: MTF and encircled energy are by rays, and there is no Strehl ratio"
+            ));
         }
         let pixel_pitch_um = match &request.sensor {
             Some(sensor) => Some(sensor.read(&context.assets)?.pixel_um),

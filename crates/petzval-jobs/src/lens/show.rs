@@ -328,8 +328,13 @@ fn warnings(lens: &Lens, order: &FirstOrder, spots: &[Spots]) -> Vec<String> {
     if !order.efl_mm.is_finite() {
         found.push("the lens is afocal in the y-z plane: it has no focal length".to_owned());
     } else if (lens.axis_length_mm() / order.efl_mm).abs() < NEARLY_AFOCAL {
+        let of_beams = if lens.object == ObjectDistance::Infinity {
+            "; light leaves it nearly parallel, and spots are little else than beam widths on the plane of the file"
+        } else {
+            ""
+        };
         found.push(format!(
-            "the lens is nearly afocal: its focal length is {:.0} times its length",
+            "the lens is nearly afocal: its focal length is {:.0} times its length{of_beams}",
             (order.efl_mm / lens.axis_length_mm()).abs()
         ));
     }
@@ -338,7 +343,8 @@ fn warnings(lens: &Lens, order: &FirstOrder, spots: &[Spots]) -> Vec<String> {
     }
     if leaves_parallel(lens) == [true; 2] {
         found.push(
-            "light leaves the lens parallel: spots are beam widths on the plane of the file".to_owned(),
+            "light leaves the lens parallel: it makes no image, and neither spots nor illumination are listed"
+                .to_owned(),
         );
     } else if !order.image_distance_mm.is_finite() {
         found.push(

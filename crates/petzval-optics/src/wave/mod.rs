@@ -9,6 +9,7 @@ mod fit;
 mod huygens;
 mod map;
 mod matrix;
+mod no_waves;
 mod nodes;
 mod opd;
 mod otf;
@@ -20,6 +21,7 @@ mod strehl;
 mod transform;
 
 pub use huygens::huygens_psf;
+pub use no_waves::NoWaves;
 pub use opd::{Opd, PupilPlane, opd, opd_about};
 pub(crate) use otf::{LineSpread, PupilWave, Section};
 pub(crate) use overlap::Overlap;

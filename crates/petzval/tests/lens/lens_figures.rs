@@ -52,6 +52,10 @@ fn an_afocal_lens_is_called_afocal_everywhere() {
         assert!(text.contains(says), "{says}\n{text}");
     }
     assert!(!text.contains("virtual"), "{text}");
+    // What is not listed is not spoken of as if it were.
+    assert_eq!(json["rms_spot_um"].as_array().unwrap().len(), 0);
+    assert!(text.contains("neither spots nor illumination are listed"), "{text}");
+    assert!(!text.contains("beam widths") && !text.contains("RMS spot radius"), "{text}");
     for args in [
         &["lens", "analyze", &file][..],
         &["lens", "show", &file, "--focus", "paraxial"],
@@ -107,6 +111,20 @@ fn a_relay_without_a_focal_length_has_psfs_of_a_near_object() {
         folder.path(),
         &["psf", &file, "--out", "psf", "--corner-mm", "0.2", "--fields", "2", "--grid", "32"],
     );
+    // Thin lenses have no waves: every verb that takes waves names the first one.
+    let no_waves = "surface 1 is a thin lens, which has no optical path for waves";
+    for args in [
+        &["psf", &file, "--out", "waves", "--corner-mm", "0.2", "--fields", "2", "--kind", "diffraction"][..],
+        &["lens", "tolerance", &file, "--merit", "mtf", "--frequency", "10", "--kind", "diffraction"],
+    ] {
+        run_fails(folder.path(), args, 2, &[no_waves, "help: take rays: --kind geometric"]);
+    }
+    std::fs::write(folder.path().join("waves.toml"), "[[operand]]\nof = \"wavefront\"\nat_most = 0.1\n")
+        .unwrap();
+    let optimize = ["lens", "optimize", &file, "--vary", "air", "--operands", "waves.toml", "--out", "never"];
+    run_fails(folder.path(), &optimize, 2, &[no_waves, "help: leave the operand out"]);
+    let analyzed = run_ok(folder.path(), &["lens", "analyze", &file, "--only", "json", "--out", "analysis"]);
+    assert!(analyzed.says(no_waves), "{}", analyzed.stderr);
     let axes: Value =
         serde_json::from_str(&std::fs::read_to_string(folder.path().join("psf/psf.json")).unwrap()).unwrap();
     // The field at 1 mm of the object, as seen from the first vertex.

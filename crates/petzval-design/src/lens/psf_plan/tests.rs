@@ -1,5 +1,6 @@
 use super::*;
 use crate::assets::Assets;
+use petzval_optics::lens::{Action, Surface};
 use petzval_optics::solve::with_paraxial_focus;
 
 #[test]
@@ -73,8 +74,37 @@ fn a_field_of_which_no_wave_can_be_computed_is_refused_or_by_rays() {
         .filter(|f| mixed.bank.values[f * cells..][..cells] == all_rays.bank.values[f * cells..][..cells]);
     assert_eq!(same.count() as f64 / 5.0, mixed.by_rays());
     let config = PsfConfig { kind: PsfsBy::Diffraction, ..PsfConfig::default() };
-    assert!(config.rough_fields(mixed.by_rays()).unwrap().contains("% of the fields are by rays"));
-    assert_eq!(config.rough_fields(0.0), None);
+    assert!(
+        config
+            .rough_fields(mixed.by_rays(), NoWaves::of(&lens))
+            .unwrap()
+            .contains("% of the fields are by rays")
+    );
+    assert_eq!(config.rough_fields(0.0, None), None);
+}
+
+/// A thin lens without power right behind the nominal triplet.
+#[test]
+fn a_thin_lens_behind_others_has_no_waves_and_is_named() {
+    let mut lens = assets().lens("cooke-triplet-nominal").unwrap().lens;
+    assert_eq!(NoWaves::of(&lens), None);
+    let thin = Surface {
+        action: Action::ThinLens { power_per_mm: 0.0 },
+        thickness_mm: lens.image_distance_mm() - 1.0,
+        semi_diameter_mm: 20.0,
+        ..Surface::default()
+    };
+    lens = lens.with_image_distance(1.0);
+    lens.surfaces.push(thin);
+    let no_waves = NoWaves { surface: lens.surfaces.len() - 1 };
+    let error = by_waves(RoughFields::Refused).bank(&lens).err().unwrap();
+    assert!(matches!(error, DesignError::NoWaves(found) if found == no_waves), "{error}");
+    assert!(error.to_string().starts_with("surface 8 is a thin lens") && error.is_input(), "{error}");
+    let by_rays = by_waves(RoughFields::ByRays).trace(&lens).unwrap().by_rays();
+    assert_eq!(by_rays, 1.0);
+    let config = PsfConfig { kind: PsfsBy::Diffraction, ..PsfConfig::default() };
+    let said = config.rough_fields(by_rays, NoWaves::of(&lens)).unwrap();
+    assert!(said.contains("because surface 8 is a thin lens"), "{said}");
 }
 
 #[test]

@@ -10,6 +10,7 @@ use petzval_optics::constraint::Constraint;
 use petzval_optics::merit::{FieldSet, Merit, Mtf, RmsSpot, RmsWavefront, Violation};
 use petzval_optics::optimize::{Goal, Problem};
 use petzval_optics::psf::PsfKind;
+use petzval_optics::wave::NoWaves;
 
 use crate::error::{JobError, Result};
 
@@ -72,7 +73,16 @@ pub(super) fn goals_of(operand: &Operand, problem: &Problem) -> Result<(Vec<Goal
     let reported = bound.map(|bound| Goal { merit: Arc::new(Violation(bound)), target: 0.0, weight_um: 0.0 });
     let goals: Vec<Goal> = traded.into_iter().chain(reported).collect();
     if let Some(lost) = goals.iter().find(|goal| goal.merit.value(&lens).is_none()) {
-        let message = format!("{}: the lens to start from has no such figure", lost.merit.name());
+        let name = lost.merit.name();
+        let is_by_waves = operand.waves || operand.of == Figure::Wavefront;
+        if let Some(no_waves) = NoWaves::of(&lens).filter(|_| is_by_waves) {
+            let hint = match operand.of {
+                Figure::Mtf => "leave `waves` out: contrast by rays",
+                _ => "leave the operand out: spots need no waves",
+            };
+            return Err(JobError::input(format!("{name}: {no_waves}"), hint));
+        }
+        let message = format!("{name}: the lens to start from has no such figure");
         return Err(JobError::input(message, "improve its spots first, or leave the operand out"));
     }
     Ok((goals, bound))

@@ -18,6 +18,7 @@ use petzval_optics::tolerance::{
     self, MonteCarlo, Sensitivities, Study, ToleranceError, Tolerances, Trial as MadeLens, inverse,
     sensitivities,
 };
+use petzval_optics::wave::NoWaves;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -213,6 +214,12 @@ impl Subject {
         let (name, context) = request.lens.placed(context)?;
         let lens = context.assets.lens(&name)?.lens;
         check_image(&name, &lens)?;
+        if request.merit == Merit::Mtf
+            && request.kind == PsfKind::Diffraction
+            && let Some(no_waves) = NoWaves::of(&lens)
+        {
+            return Err(JobError::input(format!("{name}: {no_waves}"), "take rays: --kind geometric"));
+        }
         let tolerances =
             request.tolerance_file(&lens)?.tolerances(&lens, request.compensate == Compensate::Focus);
         if tolerances.perturbations.is_empty() {
