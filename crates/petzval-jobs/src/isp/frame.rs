@@ -34,7 +34,8 @@ pub struct FrameOptions {
     /// Sensor: a built-in name, the path of a file, or the sensor itself; none means the built-in sensor that the sidecar names, if any. What
     /// the calibration of a frame states counts before it.
     pub sensor: Option<SensorInput>,
-    /// Digital number of white light in a green pixel; none means that of the calibration, else the level of saturation.
+    /// Digital number of white light in a green pixel; none means that of the calibration, else the level of saturation. Of merged frames it counts
+    /// in numbers of the longest exposure, and the level of saturation is that of the merged frame, where the shortest exposure ends.
     pub white_dn: Option<f64>,
     /// Whether to estimate the white balance from the frame.
     pub auto_balance: bool,
@@ -54,6 +55,9 @@ const BLACK_MARGIN: f64 = 0.01;
 
 /// Share of such pixels, beyond which they are no defects.
 const BLACK_SHARE: f64 = 0.01;
+
+/// Distance from a whole number below which a difference of black levels is whole, DN: levels are decimals.
+const WHOLE_DN: f64 = 1e-6;
 
 /// Nodes along a side from which a mesh of shading is fine enough for straight lines between them.
 const FINE_NODES: usize = 33;
@@ -169,7 +173,7 @@ pub fn frame_in_memory(raw: RawInMemory<'_>, options: &FrameOptions, context: &C
 pub fn frames_like(raw: RawInMemory<'_>, options: &FrameOptions, context: &Context) -> Result<RawInput> {
     let frame = RawFrame { height: 0, width: 0, dn: Vec::new(), info: raw.frame.info.clone() };
     let source = Source::Memory(RawInMemory { frame: &frame, ..raw });
-    Ok(read_exposure(source, options, &noted_frames(context))?.0)
+    Ok(read_exposure(source, options, &noted_frames(context))?.frame)
 }
 
 /// Collects what is said of raw frames.
@@ -179,7 +183,7 @@ pub(super) fn noted_frames(context: &Context) -> Noted<'_> {
 
 /// Reads a raw frame.
 pub(super) fn read_one(source: Source<'_>, options: &FrameOptions, noted: &Noted<'_>) -> Result<RawInput> {
-    let (mut frame, _) = read_exposure(source, options, noted)?;
+    let Exposed { mut frame, .. } = read_exposure(source, options, noted)?;
     estimate(&mut frame, options).map_err(about_frame(source.path()))?;
     Ok(frame)
 }
@@ -191,12 +195,12 @@ pub(super) fn read_merged(
     options: &FrameOptions,
     noted: &Noted<'_>,
 ) -> Result<RawInput> {
-    let mut frames = Vec::new();
-    let mut known = Vec::new();
+    let (mut frames, mut known, mut have_white) = (Vec::new(), Vec::new(), Vec::new());
     for source in sources {
-        let (frame, exposure) = read_exposure(*source, options, noted)?;
+        let Exposed { frame, exposure, has_white } = read_exposure(*source, options, noted)?;
         frames.push(frame);
         known.push(exposure);
+        have_white.push(has_white);
     }
     let stated: Option<Vec<f64>> = known.iter().copied().collect();
     let exposures = merge.exposures.clone().or(stated).ok_or_else(|| {
@@ -211,8 +215,19 @@ pub(super) fn read_merged(
         merge_exposures(&frames, &exposures, &merged).map_err(about_frame(first))?;
     warn_of_exposures(sources, &exposures, &known, noted);
     warn_of_motion(motion, first, noted);
+    // Black and white of a merged frame are those of its longest exposure, the first of several.
+    let longest = (0..exposures.len()).rev().max_by(|a, b| exposures[*a].total_cmp(&exposures[*b]));
+    if longest.is_none_or(|i| !have_white[i]) && !options.auto_exposure {
+        white_at_saturation(&mut frame.about);
+    }
     estimate(&mut frame, options).map_err(about_frame(first))?;
     Ok(frame)
+}
+
+/// Makes the light white at which the strongest colour saturates, as in a single frame without a stated white.
+fn white_at_saturation(about: &mut FrameData) {
+    let strongest = about.response.into_iter().fold(f64::MIN_POSITIVE, f64::max);
+    set_white(about, about.saturation * strongest);
 }
 
 /// Warns of exposures that are given and contradict those that two of the frames state.
@@ -257,12 +272,17 @@ fn warn_of_motion(motion: Motion, path: &Path, noted: &Noted<'_>) {
     ));
 }
 
-/// Reads a raw frame, with the product of time and gain if its exposure time is known.
-fn read_exposure(
-    source: Source<'_>,
-    options: &FrameOptions,
-    noted: &Noted<'_>,
-) -> Result<(RawInput, Option<f64>)> {
+/// A raw frame, and what merging needs to know of it.
+struct Exposed {
+    frame: RawInput,
+    /// Product of time in s and gain, if the time is known.
+    exposure: Option<f64>,
+    /// Whether the options or the calibration state its white; otherwise it is the level of saturation.
+    has_white: bool,
+}
+
+/// Reads a raw frame.
+fn read_exposure(source: Source<'_>, options: &FrameOptions, noted: &Noted<'_>) -> Result<Exposed> {
     let (path, raw) = (source.path(), source.frame()?);
     let info = &raw.info;
     // Name all missing keys at once. A sensor or a calibration may give the black level.
@@ -290,6 +310,7 @@ fn read_exposure(
         None if calibration.black_dn.is_some() => (calibration.black_dn, None),
         None => (info.black_level_dn, info.black_tile_dn.clone()),
     };
+    let black_dn = black_tile.as_deref().and_then(common_level).or(black_dn);
     // The dark of a sensor depends on gain and exposure time.
     let of_sensor = |sensor: &SensorModel| {
         let time_s = info.exposure_s.unwrap_or(USUAL_TIME_S) as f32;
@@ -303,6 +324,7 @@ fn read_exposure(
         Some(_) => full_dn,
         None => saturated_dn(&raw.dn, raw.width, cfa, full_dn, info, path, noted),
     };
+    let has_white = options.white_dn.is_some() || calibration.white_dn.is_some();
     let white_dn = calibration.white_dn.unwrap_or(full_dn);
     let check_white = |white_dn: f64| {
         let message = if white_dn > MOST_WHITE_DN {
@@ -379,7 +401,7 @@ fn read_exposure(
         warn_of_black(&dn, &about, path, noted);
     }
     let frame = RawInput { height: raw.height, width: raw.width, dn, bits: bits.max(8), cfa, about };
-    Ok((frame, exposure))
+    Ok(Exposed { frame, exposure, has_white })
 }
 
 /// Warns of what is assumed of a frame whose sensor is unknown: what its calibration does not state.
@@ -416,12 +438,12 @@ fn note_what_counts(calibration: &FrameCalibration, path: &Path, noted: &Noted<'
     }
 }
 
-/// Mean and tile of black levels, one or one for each pixel of the mosaic's tile.
+/// The only black level, or those of the pixels of the mosaic's tile.
 fn tile_of(path: &Path, levels: Vec<f64>, cfa: CfaPattern) -> Result<(Option<f64>, Option<Vec<f64>>)> {
     let pixels = cfa.rows() * cfa.cols();
     match levels.len() {
         1 => Ok((levels.first().copied(), None)),
-        count if count == pixels => Ok((Some(levels.iter().sum::<f64>() / count as f64), Some(levels))),
+        count if count == pixels => Ok((None, Some(levels))),
         count => Err(JobError::input(
             format!(
                 "{}: its calibration has {count} black levels at a gain, and {cfa} has {pixels} pixels",
@@ -432,8 +454,18 @@ fn tile_of(path: &Path, levels: Vec<f64>, cfa: CfaPattern) -> Result<(Option<f64
     }
 }
 
-/// Moves the digital numbers of each pixel of the tile so that all of them have the same black level, to half a digital number. Saturated
-/// pixels stay as they are, and none becomes saturated or less than zero.
+/// The black level, DN, to which all pixels of a tile are moved; none of no level. Levels that differ by whole numbers have one near their mean
+/// that differs from each by a whole number, so that no move is rounded. Otherwise it is their mean.
+fn common_level(tile: &[f64]) -> Option<f64> {
+    let first = tile.first()?;
+    let mean = tile.iter().sum::<f64>() / tile.len() as f64;
+    let is_whole = |dn: f64| (dn - dn.round()).abs() < WHOLE_DN;
+    let is_exact = tile.iter().all(|level| is_whole(level - first));
+    Some(if is_exact { first + (mean - first).round() } else { mean })
+}
+
+/// Moves the digital numbers of each pixel of the tile so that all of them have the same black level: exactly where the levels differ by whole
+/// numbers, else to half a digital number. Saturated pixels stay as they are, and none becomes saturated or less than zero.
 fn level_black(dn: &mut [u32], width: usize, cfa: CfaPattern, tile: &[f64], black_dn: f64, full_dn: f64) {
     let moves: Vec<i64> = tile.iter().map(|level| (black_dn - level).round() as i64).collect();
     for (row, line) in dn.chunks_exact_mut(width).enumerate() {
@@ -596,6 +628,66 @@ mod tests {
         let read = frame_in_memory(raw, &options, &context).unwrap();
         let said = lines.0.lock().unwrap().clone();
         (read.about, said)
+    }
+
+    #[test]
+    fn white_of_a_merged_frame_is_where_the_merged_frame_saturates() {
+        let frames = [1.0, 1.0 / 16.0].map(|time_s| {
+            let mut frame = frame();
+            frame.info.exposure_s = Some(time_s);
+            frame
+        });
+        // White above black, in digital numbers of the longest exposure, and the light at saturation.
+        let white = |calibration: &str, white_dn: Option<f64>| {
+            let calibration = FrameCalibration::from_toml(calibration).unwrap();
+            let source =
+                |frame| Source::Memory(RawInMemory { name: "frame", frame, calibration: Some(&calibration) });
+            let options = FrameOptions { white_dn, ..FrameOptions::default() };
+            let context = Context::new(crate::built_in_assets(), Arc::new(Lines::default()));
+            let merge = Merge { exposures: None, no_motion_check: true };
+            // The order of the files does not matter.
+            let [read, turned] = [[&frames[0], &frames[1]], [&frames[1], &frames[0]]].map(|frames| {
+                let noted = noted_frames(&context);
+                read_merged(&frames.map(source), &merge, &options, &noted).unwrap().about
+            });
+            assert_eq!(read, turned);
+            let unit = read.black_dn / 64.0;
+            ((read.white_dn - read.black_dn) / unit, read.saturation)
+        };
+        for (calibration, stated, wanted) in [
+            ("", None, 16.0 * (4095.0 - 64.0)),
+            ("", Some(1064.0), 1000.0),
+            ("white_dn = 2064.0\n", None, 2000.0),
+        ] {
+            let (range, saturation) = white(calibration, stated);
+            assert!((range - wanted).abs() < 1e-6 * wanted, "{calibration} {stated:?}: {range}");
+            let end = 16.0 * (4095.0 - 64.0) / wanted;
+            assert!((saturation - end).abs() < 1e-6 * end, "{calibration} {stated:?}: {saturation}");
+        }
+    }
+
+    #[test]
+    fn black_levels_that_differ_by_whole_numbers_are_subtracted_exactly() {
+        for (tile, wanted) in [
+            // Their means are 107.5, 107.45 and 107.625.
+            ([100.0, 110.0, 90.0, 130.0], 108.0),
+            ([100.2, 110.2, 90.2, 129.2], 107.2),
+            ([100.0, 110.5, 90.0, 130.0], 107.625),
+        ] {
+            let level = common_level(&tile).unwrap();
+            assert!((level - wanted).abs() < 1e-9, "{tile:?}: {level}");
+        }
+        let tile = [100.0, 110.0, 90.0, 130.0];
+        let mut frame = frame();
+        frame.info.black_tile_dn = Some(tile.to_vec());
+        frame.info.black_level_dn = Some(107.5);
+        let raw = RawInMemory { name: "frame", frame: &frame, calibration: None };
+        let context = Context::new(crate::built_in_assets(), Arc::new(Lines::default()));
+        let read = frame_in_memory(raw, &FrameOptions::default(), &context).unwrap();
+        for (i, (found, stored)) in read.dn.iter().zip(&frame.dn).enumerate() {
+            let level = tile[i / 16 % 2 * 2 + i % 2];
+            assert_eq!(f64::from(*found) - read.about.black_dn, f64::from(*stored) - level, "{i}");
+        }
     }
 
     const RESPONSE: &str = "response = [0.5, 1.0, 0.6]\n";

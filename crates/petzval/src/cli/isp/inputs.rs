@@ -9,6 +9,9 @@ pub struct FrameArgs {
     #[arg(long)]
     sensor: Option<String>,
     /// Digital number of white light in a green pixel [default: that of the calibration, else the level of saturation]
+    ///
+    /// With --merge the number counts as those of the longest exposure, and the level of saturation is that of the merged frame, where the
+    /// shortest exposure ends.
     #[arg(long, value_name = "DN")]
     white_dn: Option<f64>,
     /// Estimate the white balance from each frame
