@@ -16,7 +16,7 @@ use petzval_design::path_text::path_text;
 use petzval_files::psf_file::{AXES_FILE, Channel, PsfAxes, PsfFile, PsfOrigin, write_psfs};
 use petzval_files::{FloatType, npy_bytes};
 use petzval_lab::psf_calibration::compare::{Comparison, compare};
-use petzval_lab::psf_calibration::estimate::{FieldEstimate, Place, estimate_bank};
+use petzval_lab::psf_calibration::estimate::{FieldEstimate, Place, SAME_FIELD_MM, estimate_bank};
 use petzval_lab::psf_calibration::measure::check_mosaic;
 use petzval_lab::psf_calibration::{
     CROP, CalibratedPosition, Manifest, PsfCalibrationError, calibrate_position, read_manifest,
@@ -185,6 +185,10 @@ impl Captured {
             positions,
             fields,
         };
+        let innermost_mm = calibration.fields.first().map(|field| field.field_radius_mm);
+        if let Some(text) = innermost_mm.and_then(axis_note) {
+            context.note(text);
+        }
         warn(&calibration, context);
         let figures = Figures::new(&calibration, &bank, &sensor);
         Ok(Measurement { bank, figures, calibration })
@@ -295,6 +299,16 @@ fn described_in(folder: &Path) -> impl Fn(PsfCalibrationError) -> JobError {
     }
 }
 
+/// What the bank has on the axis if no position lies there; `None` if one does. `innermost_mm`: radius of the innermost field, mm.
+fn axis_note(innermost_mm: f64) -> Option<String> {
+    (innermost_mm >= SAME_FIELD_MM).then(|| {
+        format!(
+            "no position lies on the axis: the bank has a copy of the innermost field, at {innermost_mm:.2} mm, for radius 0, and relative \
+             illumination is 1 at that field; capture a position on the axis to have its own"
+        )
+    })
+}
+
 /// Reports the warnings of the positions, then those of the bank, field by field.
 fn warn(calibration: &Calibration, context: &Context) {
     for (position, _) in &calibration.positions {
@@ -359,4 +373,17 @@ pub fn keep(measurement: &Measurement, out: &Path, context: &Context) -> Result<
         context.wrote(path, "PSFs");
     }
     write("calibration.json", "figures", json(figures)?.as_bytes())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bank_without_a_position_on_the_axis_is_noted() {
+        assert_eq!(axis_note(0.0), None);
+        assert_eq!(axis_note(0.049), None);
+        let note = axis_note(1.25).unwrap();
+        assert!(note.contains("copy of the innermost field, at 1.25 mm"), "{note}");
+    }
 }
