@@ -72,7 +72,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let mut frame = load_any_raw(&request.input)?.in_16_bits().ok_or_else(|| {
         JobError::input(
             format!("{}: numbers of more than 16 bits", request.input.display()),
-            "frames of up to 16 bits are written in other formats; `petzval isp develop` takes this one as it is",
+            "`raw convert` writes numbers of up to 16 bits; `petzval isp develop` takes this frame as it is",
         )
     })?;
     frame.info = request.info()?.or(frame.info);

@@ -89,6 +89,12 @@ fn what_cannot_be_read_or_written_is_named_and_nothing_is_written() {
     write("odd.raw.toml", b"height = 4\nwidth = 6\nbits = 13\npacking = \"mipi\"\n");
     write("typo.raw", &[0; 36]);
     write("typo.raw.toml", b"height = 4\nwdth = 6\nbits = 12\npacking = \"mipi\"\n");
+    // 1 x 2 numbers of 32 bits.
+    let head = format!("{:<117}\n", "{'descr': '<u4', 'fortran_order': False, 'shape': (1, 2), }");
+    write(
+        "wide.npy",
+        &[&b"\x93NUMPY\x01\x00\x76\x00"[..], head.as_bytes(), &[0, 0, 1, 0, 7, 0, 0, 0]].concat(),
+    );
     let colour = data("photos/coffee.png").display().to_string();
     for (args, needles) in [
         (&["show", "notes.tiff"][..], ["notes.tiff: ", "gray TIFF or PNG"]),
@@ -104,6 +110,10 @@ fn what_cannot_be_read_or_written_is_named_and_nothing_is_written() {
             ["a.jpg: the name does not end with a format", ".tiff, .png, .npy, .raw or .exr"],
         ),
         (&["convert", "frame.tiff", "a.dng"], ["a.dng", "end it with"]),
+        (
+            &["convert", "wide.npy", "a.tiff"],
+            ["wide.npy: numbers of more than 16 bits", "`raw convert` writes numbers of up to 16 bits"],
+        ),
         (
             &["convert", "frame.tiff", "a.raw", "--bits", "10"],
             ["the value 1157 at row 1, column 0", "10 bits"],

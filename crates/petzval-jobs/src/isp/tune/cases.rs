@@ -76,8 +76,8 @@ pub(super) fn cases(plan: &Plan) -> Result<Vec<Case>> {
         for reference in named {
             if is_mosaic(reference)? {
                 mosaic = Some(reference);
-            } else {
-                picture = picture.or(Some(reference));
+            } else if let Some(other) = picture.replace(reference) {
+                return Err(ambiguous(plan, &raw, [other, reference]));
             }
         }
         let Some(reference) = picture else {
@@ -96,6 +96,17 @@ pub(super) fn cases(plan: &Plan) -> Result<Vec<Case>> {
         found.push(Case { raw, reference: reference.clone() });
     }
     Ok(found)
+}
+
+/// The error of two pictures that may be the reference of one frame.
+fn ambiguous(plan: &Plan, raw: &Path, [first, second]: [&PathBuf; 2]) -> JobError {
+    let message = format!(
+        "{} and {} are both named like a reference of {}",
+        first.display(),
+        second.display(),
+        raw.display()
+    );
+    JobError::setting("reference", plan.reference.display(), message, "keep one of them in the folder")
 }
 
 /// Whether a file holds the digital numbers of a frame: gray whole numbers, or any file with a sidecar.

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use petzval_base::counted;
+
 use crate::jobs::isp::tune::{self, Plan, Response, Start};
 
 use super::inputs::{FrameArgs, IspArgs};
@@ -112,10 +114,10 @@ fn summary(found: &Response) -> String {
         );
     }
     text += &format!(
-        "\n{} settings in {} generations, {} restarts, {:.1} s\n{}\n",
-        found.evaluations,
-        found.generations,
-        found.restarts,
+        "\n{} in {}, {}, {:.1} s\n{}\n",
+        counted(found.evaluations, "setting"),
+        counted(found.generations as usize, "generation"),
+        counted(found.restarts, "restart"),
         found.seconds,
         shown(&found.tuned)
     );

@@ -267,4 +267,15 @@ fn a_mosaic_is_no_reference_and_pairs_are_named() {
     let run = run_ok(folder.path(), &[&args[..], &["--json"]].concat());
     assert!(run.stderr.contains("frames/left-raw.tiff -> raws/left.png"), "{}", run.stderr);
     assert_eq!(run.json()["pairs"][0]["reference"], "raws/left.png");
+    let again = ["isp", "tune", "--resume", "out"];
+    let again = run_ok(folder.path(), &again).stdout;
+    let generations = run.json()["generations"].as_u64().unwrap();
+    assert_eq!(again.contains(" in 1 generation, 0 restarts, "), generations == 1, "{again}");
+
+    // Two pictures of one name: nothing says which of them counts.
+    let picture = image::open(folder.path().join("raws/left.png")).unwrap().into_rgb8();
+    picture.save(folder.path().join("raws/left.jpg")).unwrap();
+    let args = ["isp", "tune", "frames", "--reference", "raws", "--vary", "gain", "--out", "none"];
+    let both = "raws/left.jpg and raws/left.png are both named like a reference of frames/left-raw.tiff";
+    run_fails(folder.path(), &args, 2, &[both, "keep one of them"]);
 }
