@@ -136,7 +136,7 @@ class Camera:
         distortion: Whether the picture is the scene in front of the lens, and its distortion is rendered.
         size: Rows and columns in the middle of the sensor that are read; all of them if left out.
         samples: Samples of the scene along a side of a pixel, 1 to 8.
-        noise: Whether the sensor has noise.
+        noise: Whether the frames have temporal noise. The fixed pattern of the sensor (DSNU, PRNU, hot pixels) stays without it.
         psfs: PSFs in place of those of the lens: the folder that `PsfBank.save` or ``petzval psf`` wrote.
         **request: Further keys of `petzval.requests.Simulate`, such as ``spectral={"illuminant": "A"}``.
     """

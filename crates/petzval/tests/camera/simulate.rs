@@ -56,6 +56,10 @@ fn a_photograph_becomes_a_raw_frame_and_a_picture() {
     let pixels = developed.to_rgb8();
     let sum = |c: usize| pixels.pixels().map(|p| f64::from(p[c])).sum::<f64>();
     assert!(sum(0) > 1.2 * sum(2));
+
+    let help = run_ok(folder.path(), &["simulate", "--help"]).stdout;
+    let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(help.contains("the fixed pattern of the sensor (DSNU, PRNU, hot pixels) stays"), "{help}");
 }
 
 #[test]
