@@ -11,6 +11,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::RawFileError;
+use super::calibration_fault::Fault;
 use super::info::BlackLevels;
 
 /// Largest calibration that is read, bytes: meshes of a node for every few pixels.
@@ -50,6 +51,7 @@ pub struct FrameCalibration {
     #[schemars(with = "Option<std::collections::BTreeMap<String, f64>>")]
     pub noise: Option<NoiseProfile>,
     /// How much light the lens takes away at each place: `rows` and `cols` of nodes, and `planes` with relative illuminations of red, green and blue.
+    /// The outermost nodes lie on the centres of the outermost pixels; the values of a plane stand row by row.
     #[schemars(with = "Option<std::collections::BTreeMap<String, serde_json::Value>>")]
     pub shading: Option<Mesh>,
     /// Where to fetch each pixel of a picture without distortion: `rows` and `cols` of nodes, and `planes` with displacements of rows and columns in pixels.
@@ -115,68 +117,9 @@ impl FrameCalibration {
     /// Reads and checks the text of a file.
     pub fn from_toml(text: &str) -> Result<Self, FileError> {
         let calibration: Self = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
-        let is_number = |v: Option<f64>, low: f64| v.is_none_or(|v| v.is_finite() && v >= low);
-        let levels = [calibration.black_dn, calibration.white_dn];
-        let black = calibration.black_dn.unwrap_or(0.0);
-        let by_gain = &calibration.black_at_gain;
-        let is_ladder = by_gain.windows(2).all(|pair| {
-            pair[0].linear_gain < pair[1].linear_gain
-                && pair[0].black_dn.each_dn().len() == pair[1].black_dn.each_dn().len()
-        }) && by_gain.iter().all(|at| {
-            at.linear_gain.is_finite()
-                && at.linear_gain > 0.0
-                && !at.black_dn.each_dn().is_empty()
-                && at.black_dn.each_dn().iter().all(|dn| dn.is_finite() && *dn >= 0.0)
-        }) && (by_gain.is_empty() || calibration.black_dn.is_none());
-        let noise = calibration.noise.map_or([0.0; 2], |noise| [noise.shot, noise.read]);
-        let response = calibration.response.unwrap_or([1.0; 3]);
-        let matrix = calibration.colour_matrix.unwrap_or_default();
-        let is_illumination =
-            |mesh: &Mesh| mesh.is_whole(3) && mesh.planes.iter().flatten().all(|v| *v > 0.0);
-        for (key, is_right, hint) in [
-            ("black_dn", is_number(levels[0], 0.0), "give the digital number without light"),
-            (
-                "black_at_gain",
-                is_ladder,
-                "give linear_gain, ascending, and black_dn, a number or the same count of numbers at every gain; and no black_dn beside them",
-            ),
-            (
-                "white_dn",
-                is_number(levels[1], black + 1.0),
-                "give the digital number of white, above that of black",
-            ),
-            (
-                "response",
-                response.iter().all(|v| (0.01..=100.0).contains(v)),
-                "give red, green and blue, 0.01 to 100",
-            ),
-            (
-                "saturation",
-                is_number(calibration.saturation, 1e-6),
-                "give the light at saturation, 1 for white",
-            ),
-            ("gain_ev", is_number(calibration.gain_ev, f64::MIN), "give the gain in stops, 0 for the lowest"),
-            ("noise", noise.iter().all(|v| v.is_finite() && *v >= 0.0), "give variances, 0 or more"),
-            (
-                "colour_matrix",
-                matrix.iter().flatten().all(|v| v.is_finite()),
-                "give three rows of three numbers",
-            ),
-            (
-                "shading",
-                calibration.shading.as_ref().is_none_or(is_illumination),
-                "give rows and cols, at least 2, and three planes of rows x cols relative illuminations above 0: red, green, blue",
-            ),
-            (
-                "warp",
-                calibration.warp.as_ref().is_none_or(|mesh| mesh.is_whole(2)),
-                "give rows and cols, at least 2, and two planes of rows x cols displacements in pixels: by rows, by columns",
-            ),
-        ] {
-            if !is_right {
-                let message = "is no such calibration";
-                return Err(FileError::at_key(text, &[key], message).without_value().hint(hint));
-            }
+        if let Some(Fault { key, message, hint, is_short }) = calibration.fault() {
+            let error = FileError::at_key(text, &[key], message).hint(hint);
+            return Err(if is_short { error } else { error.without_value() });
         }
         Ok(calibration)
     }
@@ -247,6 +190,42 @@ mod tests {
             let error = FrameCalibration::from_toml(&table.replace(from, to)).unwrap_err();
             assert!(error.key.starts_with("black_at_gain"), "{error}");
         }
+    }
+
+    #[test]
+    fn a_wrong_number_is_quoted_with_what_it_must_be() {
+        let text = calibration().to_toml();
+        for (from, to, said) in [
+            (
+                "white_dn = 2360.2",
+                "white_dn = 50.0",
+                "`white_dn = 50.0`: must be a number above the black level, `black_dn = 119.0001`",
+            ),
+            ("black_dn = 119.0001", "black_dn = -1.0", "`black_dn = -1.0`: must be a number of 0 or more"),
+            ("response = [0.5", "response = [0.0", "red is 0, and must lie between 0.01 and 100"),
+            ("shot = 0.0001", "shot = -0.0001", "`noise`: `shot = -0.0001` is no variance"),
+            ("[1.5, -0.5, 0.0]", "[1.5, inf, 0.0]", "the number at row 1, column 2 is inf"),
+            (
+                "[shading]\nrows = 2",
+                "[shading]\nrows = 3",
+                "`shading`: plane 1 has 6 numbers for 3 x 3 nodes",
+            ),
+            ("[warp]\nrows = 2", "[warp]\nrows = 1", "`warp`: a mesh of 1 x 3 nodes, and the least is 2 x 2"),
+        ] {
+            let changed = text.replace(from, to);
+            assert_ne!(changed, text, "{from}\n{text}");
+            let error = FrameCalibration::from_toml(&changed).unwrap_err().to_string();
+            assert!(error.contains(said) && error.contains("hint"), "{said}: {error}");
+        }
+        let fault = |text: &str| FrameCalibration::from_toml(text).unwrap_err().to_string();
+        let dark = "[shading]\nrows = 2\ncols = 2\nplanes = [[1, 1, 1, 1], [1, 1, 1, 0], [1, 1, 1, 1]]\n";
+        assert!(
+            fault(dark).contains("plane 2 has 0 at row 2, column 2, and must be above 0"),
+            "{}",
+            fault(dark)
+        );
+        let both = "black_dn = 3.0\n[[black_at_gain]]\nlinear_gain = 1.0\nblack_dn = 60\n";
+        assert!(fault(both).contains("stands beside `black_dn = 3`"), "{}", fault(both));
     }
 
     #[test]

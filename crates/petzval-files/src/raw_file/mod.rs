@@ -18,6 +18,7 @@
 //! appended. The sidecar overrides the file.
 
 mod calibration;
+mod calibration_fault;
 #[cfg(feature = "dng")]
 mod dng;
 mod error;

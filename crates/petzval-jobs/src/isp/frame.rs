@@ -326,22 +326,13 @@ fn read_exposure(source: Source<'_>, options: &FrameOptions, noted: &Noted<'_>) 
     };
     let has_white = options.white_dn.is_some() || calibration.white_dn.is_some();
     let white_dn = calibration.white_dn.unwrap_or(full_dn);
-    let check_white = |white_dn: f64| {
-        let message = if white_dn > MOST_WHITE_DN {
-            format!("above {MOST_WHITE_DN:e} DN")
-        } else if white_dn > black_dn + 1.0 {
-            return Ok(());
-        } else {
-            format!("not above the black level of {black_dn} DN in {}", path.display())
+    if let Some(message) = wrong_white(white_dn, black_dn) {
+        let (key, hint) = match calibration.white_dn {
+            Some(_) => ("white_dn", "correct it in the calibration of the frame, or the black level"),
+            None => ("white_level_dn", "correct it in the sidecar of the frame, or the black level"),
         };
-        Err(JobError::setting(
-            "white_dn",
-            white_dn,
-            message,
-            "give the digital number of a white surface in a green pixel",
-        ))
-    };
-    check_white(white_dn)?;
+        return Err(JobError::input(format!("{}: `{key} = {white_dn}`: {message}", path.display()), hint));
+    }
     let range = white_dn - black_dn;
     let saturation = |response: [f64; 3]| {
         (full_dn - black_dn) / range / response.into_iter().fold(f64::MIN_POSITIVE, f64::max)
@@ -382,7 +373,11 @@ fn read_exposure(source: Source<'_>, options: &FrameOptions, noted: &Noted<'_>) 
     let is_noise_known = sensor.is_some() || calibration.noise.is_some();
     let mut about = FrameData { companding: info.companding.clone(), ..calibration.over(about) };
     if let Some(white_dn) = options.white_dn {
-        check_white(white_dn)?;
+        if let Some(message) = wrong_white(white_dn, black_dn) {
+            let message = format!("{message} in {}", path.display());
+            let hint = "give the digital number of a white surface in a green pixel";
+            return Err(JobError::setting("white_dn", white_dn, message, hint));
+        }
         let noise = about.noise;
         set_white(&mut about, (white_dn - black_dn) / range);
         about.white_dn = white_dn;
@@ -402,6 +397,17 @@ fn read_exposure(source: Source<'_>, options: &FrameOptions, noted: &Noted<'_>) 
     }
     let frame = RawInput { height: raw.height, width: raw.width, dn, bits: bits.max(8), cfa, about };
     Ok(Exposed { frame, exposure, has_white })
+}
+
+/// What is wrong with a white level, DN, beside a black level; `None` if it can be one.
+fn wrong_white(white_dn: f64, black_dn: f64) -> Option<String> {
+    if white_dn > MOST_WHITE_DN {
+        Some(format!("above {MOST_WHITE_DN:e} DN"))
+    } else if white_dn > black_dn + 1.0 {
+        None
+    } else {
+        Some(format!("not above the black level of {black_dn} DN"))
+    }
 }
 
 /// Warns of what is assumed of a frame whose sensor is unknown: what its calibration does not state.
@@ -664,6 +670,15 @@ mod tests {
             let end = 16.0 * (4095.0 - 64.0) / wanted;
             assert!((saturation - end).abs() < 1e-6 * end, "{calibration} {stated:?}: {saturation}");
         }
+    }
+
+    #[test]
+    fn white_of_a_calibration_below_the_black_level_is_named_with_both() {
+        let (frame, calibration) = (frame(), FrameCalibration::from_toml("white_dn = 50.0\n").unwrap());
+        let raw = RawInMemory { name: "frame", frame: &frame, calibration: Some(&calibration) };
+        let context = Context::new(crate::built_in_assets(), Arc::new(Lines::default()));
+        let error = frame_in_memory(raw, &FrameOptions::default(), &context).unwrap_err().to_string();
+        assert!(error.contains("frame: `white_dn = 50`: not above the black level of 64 DN"), "{error}");
     }
 
     #[test]
