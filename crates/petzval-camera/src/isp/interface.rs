@@ -44,6 +44,37 @@ impl RgbPicture {
         let white = ((1_u32 << self.bits) - 1) as f32;
         self.data.iter().map(|v| f32::from(*v) / white).collect()
     }
+
+    /// The picture turned by an orientation as EXIF numbers it: 3 is half a turn, 6 a quarter clockwise, 8 a quarter anticlockwise, and 2, 4, 5 and 7 are
+    /// mirrored. 1 and every other number keep the picture as it is.
+    pub fn turned(self, orientation: u8) -> Self {
+        if !(2..=8).contains(&orientation) || self.data.is_empty() {
+            return self;
+        }
+        let Self { height, width, bits, data } = self;
+        let (bottom, right) = (height - 1, width - 1);
+        // Row and column of the stored picture that come to a row and column of the turned one.
+        let stored = |row: usize, col: usize| match orientation {
+            2 => (row, right - col),
+            3 => (bottom - row, right - col),
+            4 => (bottom - row, col),
+            5 => (col, row),
+            6 => (bottom - col, row),
+            7 => (bottom - col, right - row),
+            _ => (col, right - row),
+        };
+        let (rows, cols) = if orientation < 5 { (height, width) } else { (width, height) };
+        let mut turned = Vec::with_capacity(data.len());
+        for plane in data.chunks_exact(height * width) {
+            for row in 0..rows {
+                turned.extend((0..cols).map(|col| {
+                    let (row, col) = stored(row, col);
+                    plane[row * width + col]
+                }));
+            }
+        }
+        Self { height: rows, width: cols, bits, data: turned }
+    }
 }
 
 /// An image signal processor.
@@ -159,4 +190,31 @@ pub fn check_values(parameters: &[IspParameter], values: &[f64]) -> Result<(), I
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use image::metadata::Orientation;
+    use image::{DynamicImage, RgbImage};
+
+    use super::*;
+
+    #[test]
+    fn pictures_are_turned_as_exif_says() {
+        let stored =
+            RgbImage::from_fn(4, 3, |x, y| image::Rgb([(4 * y + x) as u8, 100 + x as u8, 200 + y as u8]));
+        let planes = |picture: &RgbImage| -> Vec<u16> {
+            (0..3).flat_map(|c| picture.pixels().map(move |p| u16::from(p[c]))).collect()
+        };
+        for exif in 0..=9 {
+            let mut wanted = DynamicImage::ImageRgb8(stored.clone());
+            if let Some(orientation) = Orientation::from_exif(exif) {
+                wanted.apply_orientation(orientation);
+            }
+            let wanted = wanted.into_rgb8();
+            let found = RgbPicture { height: 3, width: 4, bits: 8, data: planes(&stored) }.turned(exif);
+            assert_eq!((found.width as u32, found.height as u32), wanted.dimensions(), "{exif}");
+            assert_eq!(found.data, planes(&wanted), "{exif}");
+        }
+    }
 }

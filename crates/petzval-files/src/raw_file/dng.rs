@@ -9,7 +9,7 @@ use rawler::decoders::{Decoder, RawDecodeParams};
 use rawler::formats::tiff::GenericTiffReader;
 use rawler::rawimage::{RawImage, RawPhotometricInterpretation};
 use rawler::rawsource::RawSource;
-use rawler::{CFA, RawImageData};
+use rawler::{CFA, Orientation, RawImageData};
 
 use super::frame::{RawFrame, Unreadable};
 use super::info::RawInfo;
@@ -84,6 +84,7 @@ fn info(image: &RawImage, top: usize, left: usize) -> RawInfo {
         black_level_dn: (!levels.is_empty()).then(|| black / levels.len() as f64),
         black_tile_dn: black_tile(image, cfa),
         white_level_dn: white,
+        orientation: (2..=8).find(|exif| Orientation::from_u16(u16::from(*exif)) == image.orientation),
         ..RawInfo::default()
     };
     if info.validate().is_ok() { info } else { RawInfo { cfa: info.cfa, ..RawInfo::default() } }

@@ -53,6 +53,7 @@ impl RawFrame {
                 linear_gain: Some(shortest(exposure.linear_gain)),
                 pixel_um: Some(sensor.pixel_um),
                 temperature_c: None,
+                orientation: None,
                 companding: None,
                 calibration: None,
             },

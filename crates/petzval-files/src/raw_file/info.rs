@@ -45,6 +45,10 @@ pub struct RawInfo {
     /// Temperature of the sensor, degrees Celsius.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub temperature_c: Option<f64>,
+    /// How the developed picture is turned, as EXIF numbers it, 1 to 8: 1 as the frame is stored, 3 by half a turn, 6 by a quarter clockwise, 8 by a
+    /// quarter anticlockwise. The digital numbers are never turned.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub orientation: Option<u8>,
     /// Expansion of companded digital numbers; none where they are linear in light.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub companding: Option<Companding>,
@@ -72,6 +76,13 @@ impl RawInfo {
             ("linear_gain", self.linear_gain, 1e-6, 1e6, "the linear gain, 1 for 0 dB"),
             ("pixel_um", self.pixel_um, 0.1, 1000.0, "the pixel pitch in um"),
             ("temperature_c", self.temperature_c, -273.15, 1000.0, "the temperature in degrees Celsius"),
+            (
+                "orientation",
+                self.orientation.map(f64::from),
+                1.0,
+                8.0,
+                "the orientation as EXIF numbers it: 1 to keep the picture as it is stored",
+            ),
         ];
         let tile = self.black_tile_dn.iter().flatten();
         let tile = tile.map(|dn| ("black_level_dn", Some(*dn), 0.0, most_dn, "the black levels in DN"));
@@ -131,6 +142,7 @@ impl RawInfo {
             linear_gain: self.linear_gain.or(other.linear_gain),
             pixel_um: self.pixel_um.or(other.pixel_um),
             temperature_c: self.temperature_c.or(other.temperature_c),
+            orientation: self.orientation.or(other.orientation),
             companding: self.companding.or(other.companding),
             calibration: self.calibration.or(other.calibration),
         }
@@ -183,6 +195,11 @@ impl BlackLevels {
             Self::Tile(dn) => dn,
         }
     }
+}
+
+/// The orientation of a file, if it turns the picture: 2 to 8. A file that keeps it says nothing, and neither does one with another number.
+pub(super) fn turning(exif: u64) -> Option<u8> {
+    u8::try_from(exif).ok().filter(|exif| (2..=8).contains(exif))
 }
 
 /// Largest digital number of so many bits, `2^bits - 1`.

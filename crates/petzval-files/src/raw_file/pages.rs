@@ -7,7 +7,7 @@ use tiff::tags::{PhotometricInterpretation, Tag};
 use tiff::{ColorType, TiffError};
 
 use super::frame::{AnyFrame, MOST_EXPANSION, MOST_PIXELS, RawFrame, Unreadable, WORK_SPACE};
-use super::info::{MOST_BITS, RawInfo, largest_dn};
+use super::info::{MOST_BITS, RawInfo, largest_dn, turning};
 
 const HINT: &str = "a raw frame is a gray TIFF of whole numbers, 8, 16 or 32 bits a sample";
 
@@ -73,6 +73,7 @@ pub(super) fn decode_page(file: impl Read + Seek, place: usize) -> Result<AnyFra
         return Err(refused(format!("{height}x{width} pixels do not fit in a file of {} bytes", tiff.bytes)));
     }
     tiff.check_length()?;
+    let orientation = tiff.decoder.find_tag_unsigned(Tag::Orientation).ok().flatten().and_then(turning);
     let mut limits = Limits::default();
     limits.decoding_buffer_size = most as usize;
     limits.intermediate_buffer_size = most as usize;
@@ -87,11 +88,12 @@ pub(super) fn decode_page(file: impl Read + Seek, place: usize) -> Result<AnyFra
     };
     let narrow = |dn: Vec<u16>, bits| {
         check_count(dn.len())?;
-        Ok(AnyFrame::Narrow(RawFrame { height, width, dn, info: RawInfo { bits, ..RawInfo::default() } }))
+        let info = RawInfo { bits, orientation, ..RawInfo::default() };
+        Ok(AnyFrame::Narrow(RawFrame { height, width, dn, info }))
     };
     let wide = |dn: Vec<u32>| {
         check_count(dn.len())?;
-        let frame = RawFrame { height, width, dn, info: RawInfo::default() };
+        let frame = RawFrame { height, width, dn, info: RawInfo { orientation, ..RawInfo::default() } };
         match frame.beyond(MOST_BITS) {
             None => Ok(AnyFrame::of(frame)),
             Some((row, col, dn)) => Err(refused(format!(

@@ -3,7 +3,7 @@
 use std::io::Cursor;
 
 use super::frame::{AnyFrame, MOST_EXPANSION, MOST_PIXELS, RawFrame, Unreadable, WORK_SPACE};
-use super::info::RawInfo;
+use super::info::{RawInfo, turning};
 use super::pages::{decode_page, is_tiff, pages};
 use crate::picture_file::reader_of;
 use crate::undecoded;
@@ -49,7 +49,14 @@ pub(super) fn decode(bytes: &[u8]) -> Result<AnyFrame, Unreadable> {
     if dn.is_empty() {
         return Err(unreadable("the picture is empty".to_owned()));
     }
-    Ok(AnyFrame::Narrow(RawFrame { height, width, dn, info: RawInfo { bits, ..RawInfo::default() } }))
+    let info = RawInfo { bits, orientation: orientation(bytes), ..RawInfo::default() };
+    Ok(AnyFrame::Narrow(RawFrame { height, width, dn, info }))
+}
+
+/// The orientation in the EXIF data of a picture, if it turns the picture.
+fn orientation(bytes: &[u8]) -> Option<u8> {
+    let mut decoder = reader_of(Cursor::new(bytes)).ok()?.into_decoder().ok()?;
+    turning(decoder.orientation().ok()?.to_exif().into())
 }
 
 /// Whether a TIFF or PNG file holds gray integers, as far as its header says.

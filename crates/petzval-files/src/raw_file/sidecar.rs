@@ -74,6 +74,9 @@ pub(crate) struct Keys {
     pixel_um: Option<f64>,
     /// Temperature of the sensor. Unit: degrees Celsius.
     temperature_c: Option<f64>,
+    /// How the developed picture is turned, as EXIF numbers it: 1 as the frame is stored, 3 by half a turn, 6 by a quarter clockwise, 8 by a
+    /// quarter anticlockwise.
+    orientation: Option<u8>,
     /// File of what an ISP may know of the frame, beside this one.
     calibration: Option<String>,
     /// Curve by which the camera compressed its digital numbers.
@@ -117,6 +120,7 @@ impl Sidecar {
             linear_gain: keys.linear_gain,
             pixel_um: keys.pixel_um,
             temperature_c: keys.temperature_c,
+            orientation: keys.orientation,
             companding: keys.companding,
             calibration: keys.calibration,
         };
@@ -196,6 +200,7 @@ impl Sidecar {
             linear_gain: self.info.linear_gain,
             pixel_um: self.info.pixel_um,
             temperature_c: self.info.temperature_c,
+            orientation: self.info.orientation,
             calibration: self.info.calibration.clone(),
             companding: self.info.companding.clone(),
         };

@@ -26,6 +26,7 @@ fn frame(height: usize, width: usize, bits: u32) -> RawFrame {
             linear_gain: Some(31.62),
             pixel_um: Some(5.86),
             temperature_c: Some(-10.0),
+            orientation: Some(6),
             companding: None,
             calibration: Some("lens \\ one.toml".to_owned()),
         },
@@ -176,6 +177,38 @@ fn pictures_that_would_be_converted_are_refused() {
     let mut jpeg = std::io::Cursor::new(Vec::new());
     ::image::GrayImage::new(8, 8).write_to(&mut jpeg, ::image::ImageFormat::Jpeg).unwrap();
     assert!(says(&jpeg.into_inner()).unwrap_err().contains("neither a TIFF nor a PNG"));
+}
+
+#[test]
+fn the_orientation_of_a_file_is_kept_and_that_of_the_sidecar_counts() {
+    use ::image::ImageEncoder;
+    use tiff::encoder::{TiffEncoder, colortype};
+    let folder = tempfile::tempdir().unwrap();
+    let (tiff, png) = (folder.path().join("frame.tiff"), folder.path().join("frame.png"));
+    for (stored, read) in [(1_u16, None), (3, Some(3)), (6, Some(6)), (8, Some(8)), (9, None)] {
+        let mut encoder = TiffEncoder::new(std::fs::File::create(&tiff).unwrap()).unwrap();
+        let mut page = encoder.new_image::<colortype::Gray16>(2, 1).unwrap();
+        page.encoder().write_tag(::tiff::tags::Tag::Orientation, stored).unwrap();
+        page.write_data(&[5, 6]).unwrap();
+        assert_eq!(load_raw(&tiff).unwrap().info.orientation, read, "{stored}");
+    }
+    // EXIF data that hold an orientation alone.
+    let exif = b"II\x2a\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0";
+    let mut encoder = ::image::codecs::png::PngEncoder::new(std::fs::File::create(&png).unwrap());
+    encoder.set_exif_metadata(exif.to_vec()).unwrap();
+    encoder.write_image(&[5, 6], 2, 1, ::image::ExtendedColorType::L8).unwrap();
+    let frame = load_raw(&png).unwrap();
+    assert_eq!((frame.dn, frame.info.orientation), (vec![5, 6], Some(6)));
+
+    for (line, wanted) in [("orientation = 1\n", Some(1)), ("", Some(6))] {
+        std::fs::write(sidecar_path(&png), line).unwrap();
+        assert_eq!(load_raw(&png).unwrap().info.orientation, wanted, "{line}");
+    }
+    for line in ["orientation = 0\n", "orientation = 9\n"] {
+        std::fs::write(sidecar_path(&png), line).unwrap();
+        let error = load_raw(&png).unwrap_err().to_string();
+        assert!(error.contains("orientation") && error.contains("1 to keep"), "{error}");
+    }
 }
 
 #[test]

@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 pub use petzval_camera::isp::{Chroma, Range, Standard};
-use petzval_camera::isp::{HardwareIsp, RawInput, RgbPicture, YcbcrFormat};
+use petzval_camera::isp::{HardwareIsp, RgbPicture, YcbcrFormat};
 use petzval_files::isp_file::picture_png_bytes;
 use petzval_files::{y4m_bytes, yuv_bytes};
 use petzval_report::isp_strip::{Strip, StripParameter, StripStep, page};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::frame::{FrameOptions, Merge, Source, noted_frames, read_merged, read_one};
+use super::frame::{Frame, FrameOptions, Merge, Source, noted_frames, read_merged, read_one};
 use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, Result, make_folder, write_file};
@@ -177,7 +177,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         write_file(&path, encoded(request, &picture)?)?;
         context.wrote(&path, "picture");
         let strip = if request.strip {
-            let steps = named.develop_steps(frame, values).map_err(about_frame(&raw))?;
+            let steps = named.develop_steps(&frame.input, values).map_err(about_frame(&raw))?;
+            let turned = |(stage, picture)| (stage, frame.turned(picture));
+            let steps: Vec<(String, RgbPicture)> = steps.into_iter().map(turned).collect();
             let strip_path = out.join(page_of(name));
             write_file(&strip_path, page(&strip(&raw, &named, values, &steps)).as_bytes())?;
             context.wrote(&strip_path, "page");
@@ -214,7 +216,7 @@ fn check_readable(request: &Request, shots: &Shots<'_>, context: &Context) -> Re
 }
 
 /// What happens to each picture: called with its name, the raw frame and the values of the ISP.
-type Each<'a> = dyn FnMut(&str, &RawInput, &[f64], Picture) -> Result<()> + 'a;
+type Each<'a> = dyn FnMut(&str, &Frame, &[f64], Picture) -> Result<()> + 'a;
 
 /// Develops frame after frame, and gives each to `each`.
 fn develop(
@@ -230,9 +232,11 @@ fn develop(
         context.progress(i as u64, shots.len() as u64, name);
         let raw = raws.first().map_or(Path::new(""), Source::path);
         let frame = read(request, raws, &noted)?;
-        let values = named.values(frame.about.gain_ev)?;
+        frame.note_turn(raw, &noted);
+        let values = named.values(frame.input.about.gain_ev)?;
         let start = Instant::now();
-        let picture = named.isp().develop(&frame, &values).map_err(about_frame(raw))?;
+        let picture = named.isp().develop(&frame.input, &values).map_err(about_frame(raw))?;
+        let picture = frame.turned(picture);
         let seconds = start.elapsed().as_secs_f64();
         each(name, &frame, &values, Picture { raw: raw.to_owned(), picture, seconds })?;
     }
@@ -240,7 +244,7 @@ fn develop(
 }
 
 /// A frame, of one raw frame or merged.
-fn read(request: &Request, raws: &[Source<'_>], noted: &Noted<'_>) -> Result<RawInput> {
+fn read(request: &Request, raws: &[Source<'_>], noted: &Noted<'_>) -> Result<Frame> {
     match (&request.merge, raws.first()) {
         (Some(merge), _) => read_merged(raws, merge, &request.frame, noted),
         (None, Some(raw)) => read_one(*raw, &request.frame, noted),

@@ -5,7 +5,7 @@ use std::path::Path;
 use petzval_camera::develop::dark_mean_dn;
 use petzval_camera::isp::{
     BalanceOptions, ExposureOptions, FrameData, MergeOptions, Merged, Motion, NoiseProfile, RawInput,
-    Statistics, auto_balance, auto_exposure_ev, merge_exposures,
+    RgbPicture, Statistics, auto_balance, auto_exposure_ev, merge_exposures,
 };
 use petzval_camera::sensor::{CfaPattern, Colour, Exposure, SensorModel};
 use petzval_design::library::Library;
@@ -160,13 +160,15 @@ impl<'a> Source<'a> {
 
 /// Reads a raw file as an ISP takes it.
 pub fn read_frame(path: &Path, options: &FrameOptions, context: &Context) -> Result<RawInput> {
-    read_one(Source::File(path), options, &noted_frames(context))
+    let noted = noted_frames(context);
+    Ok(read_one(Source::File(path), options, &noted)?.as_stored(path, &noted))
 }
 
 /// A raw frame in memory as an ISP takes it.
 pub fn frame_in_memory(raw: RawInMemory<'_>, options: &FrameOptions, context: &Context) -> Result<RawInput> {
     check_numbers(raw.frame, raw.name)?;
-    read_one(Source::Memory(raw), options, &noted_frames(context))
+    let noted = noted_frames(context);
+    Ok(read_one(Source::Memory(raw), options, &noted)?.as_stored(Path::new(raw.name), &noted))
 }
 
 /// What an ISP knows of frames like one in memory, without their numbers: no level is estimated from these.
@@ -181,23 +183,84 @@ pub(super) fn noted_frames(context: &Context) -> Noted<'_> {
     Noted::new(context, "frame")
 }
 
-/// Reads a raw frame.
-pub(super) fn read_one(source: Source<'_>, options: &FrameOptions, noted: &Noted<'_>) -> Result<RawInput> {
-    let Exposed { mut frame, .. } = read_exposure(source, options, noted)?;
-    estimate(&mut frame, options).map_err(about_frame(source.path()))?;
-    Ok(frame)
+/// A raw frame as an ISP takes it, and how the picture that the ISP makes is turned.
+#[derive(Debug)]
+pub(super) struct Frame {
+    pub input: RawInput,
+    /// Orientation as EXIF numbers it, 1 to 8, if the file or its sidecar states it.
+    pub orientation: Option<u8>,
 }
 
-/// Reads raw frames of one scene at several exposures, and merges them.
+impl Frame {
+    /// The picture of the ISP, turned.
+    pub fn turned(&self, picture: RgbPicture) -> RgbPicture {
+        picture.turned(self.orientation.unwrap_or(1))
+    }
+
+    /// Rows and columns of the turned picture.
+    pub fn turned_size(&self) -> (usize, usize) {
+        let RawInput { height, width, .. } = self.input;
+        if self.orientation.is_some_and(|exif| exif > 4) { (width, height) } else { (height, width) }
+    }
+
+    /// Notes that the picture is turned.
+    pub fn note_turn(&self, path: &Path, noted: &Noted<'_>) {
+        if let Some((exif, turn)) = self.turn() {
+            noted.note(
+                path.display(),
+                format!("its orientation is {exif}: the picture is {turn}; `orientation = 1` in the sidecar keeps it as stored"),
+            );
+        }
+    }
+
+    /// The frame alone, for those who make pictures of it themselves. Warns if these should be turned.
+    fn as_stored(self, path: &Path, noted: &Noted<'_>) -> RawInput {
+        if let Some((exif, turn)) = self.turn() {
+            noted.warning(
+                path.display(),
+                WarningKind::RawFrame,
+                format!("its orientation is {exif}, and the frame is as it is stored: its picture should be {turn}"),
+            );
+        }
+        self.input
+    }
+
+    /// The orientation, if it turns the picture, and what it does.
+    fn turn(&self) -> Option<(u8, &'static str)> {
+        let exif = self.orientation?;
+        let turn = match exif {
+            2 => "mirrored from left to right",
+            3 => "turned by half a turn",
+            4 => "mirrored from top to bottom",
+            5 => "mirrored along its diagonal",
+            6 => "turned by a quarter clockwise",
+            7 => "mirrored across its diagonal",
+            8 => "turned by a quarter anticlockwise",
+            _ => return None,
+        };
+        Some((exif, turn))
+    }
+}
+
+/// Reads a raw frame.
+pub(super) fn read_one(source: Source<'_>, options: &FrameOptions, noted: &Noted<'_>) -> Result<Frame> {
+    let Exposed { mut frame, orientation, .. } = read_exposure(source, options, noted)?;
+    estimate(&mut frame, options).map_err(about_frame(source.path()))?;
+    Ok(Frame { input: frame, orientation })
+}
+
+/// Reads raw frames of one scene at several exposures, and merges them. The picture is turned as that of the first.
 pub(super) fn read_merged(
     sources: &[Source<'_>],
     merge: &Merge,
     options: &FrameOptions,
     noted: &Noted<'_>,
-) -> Result<RawInput> {
+) -> Result<Frame> {
     let (mut frames, mut known, mut have_white) = (Vec::new(), Vec::new(), Vec::new());
+    let mut orientations = Vec::new();
     for source in sources {
-        let Exposed { frame, exposure, has_white } = read_exposure(*source, options, noted)?;
+        let Exposed { frame, exposure, has_white, orientation } = read_exposure(*source, options, noted)?;
+        orientations.push(orientation);
         frames.push(frame);
         known.push(exposure);
         have_white.push(has_white);
@@ -221,7 +284,7 @@ pub(super) fn read_merged(
         white_at_saturation(&mut frame.about);
     }
     estimate(&mut frame, options).map_err(about_frame(first))?;
-    Ok(frame)
+    Ok(Frame { input: frame, orientation: orientations.first().copied().flatten() })
 }
 
 /// Makes the light white at which the strongest colour saturates, as in a single frame without a stated white.
@@ -279,6 +342,8 @@ struct Exposed {
     exposure: Option<f64>,
     /// Whether the options or the calibration state its white; otherwise it is the level of saturation.
     has_white: bool,
+    /// Orientation as EXIF numbers it, 1 to 8, if it is stated.
+    orientation: Option<u8>,
 }
 
 /// Reads a raw frame.
@@ -395,8 +460,9 @@ fn read_exposure(source: Source<'_>, options: &FrameOptions, noted: &Noted<'_>) 
     if is_linear {
         warn_of_black(&dn, &about, path, noted);
     }
+    let orientation = raw.info.orientation;
     let frame = RawInput { height: raw.height, width: raw.width, dn, bits: bits.max(8), cfa, about };
-    Ok(Exposed { frame, exposure, has_white })
+    Ok(Exposed { frame, exposure, has_white, orientation })
 }
 
 /// What is wrong with a white level, DN, beside a black level; `None` if it can be one.
@@ -606,163 +672,4 @@ fn sensor_of(info: &RawInfo, options: &FrameOptions, assets: &Library) -> Result
 }
 
 #[cfg(test)]
-mod tests {
-    use std::sync::Arc;
-
-    use super::*;
-    use crate::event::Lines;
-
-    fn frame() -> RawFrame<u32> {
-        let info = RawInfo {
-            bits: Some(12),
-            cfa: Some("RGGB".parse().unwrap()),
-            black_level_dn: Some(64.0),
-            white_level_dn: Some(4095.0),
-            ..RawInfo::default()
-        };
-        RawFrame { height: 16, width: 16, dn: (0..256).map(|i| 200 + 7 * i).collect(), info }
-    }
-
-    /// What an ISP knows of a frame with this calibration, and what was said.
-    fn read_with(calibration: &str, sensor: Option<&str>) -> (FrameData, Vec<String>) {
-        let frame = frame();
-        let calibration = FrameCalibration::from_toml(calibration).unwrap();
-        let raw = RawInMemory { name: "frame", frame: &frame, calibration: Some(&calibration) };
-        let options = FrameOptions { sensor: sensor.map(Into::into), ..FrameOptions::default() };
-        let lines = Arc::new(Lines::default());
-        let context = Context::new(crate::built_in_assets(), lines.clone());
-        let read = frame_in_memory(raw, &options, &context).unwrap();
-        let said = lines.0.lock().unwrap().clone();
-        (read.about, said)
-    }
-
-    #[test]
-    fn white_of_a_merged_frame_is_where_the_merged_frame_saturates() {
-        let frames = [1.0, 1.0 / 16.0].map(|time_s| {
-            let mut frame = frame();
-            frame.info.exposure_s = Some(time_s);
-            frame
-        });
-        // White above black, in digital numbers of the longest exposure, and the light at saturation.
-        let white = |calibration: &str, white_dn: Option<f64>| {
-            let calibration = FrameCalibration::from_toml(calibration).unwrap();
-            let source =
-                |frame| Source::Memory(RawInMemory { name: "frame", frame, calibration: Some(&calibration) });
-            let options = FrameOptions { white_dn, ..FrameOptions::default() };
-            let context = Context::new(crate::built_in_assets(), Arc::new(Lines::default()));
-            let merge = Merge { exposures: None, no_motion_check: true };
-            // The order of the files does not matter.
-            let [read, turned] = [[&frames[0], &frames[1]], [&frames[1], &frames[0]]].map(|frames| {
-                let noted = noted_frames(&context);
-                read_merged(&frames.map(source), &merge, &options, &noted).unwrap().about
-            });
-            assert_eq!(read, turned);
-            let unit = read.black_dn / 64.0;
-            ((read.white_dn - read.black_dn) / unit, read.saturation)
-        };
-        for (calibration, stated, wanted) in [
-            ("", None, 16.0 * (4095.0 - 64.0)),
-            ("", Some(1064.0), 1000.0),
-            ("white_dn = 2064.0\n", None, 2000.0),
-        ] {
-            let (range, saturation) = white(calibration, stated);
-            assert!((range - wanted).abs() < 1e-6 * wanted, "{calibration} {stated:?}: {range}");
-            let end = 16.0 * (4095.0 - 64.0) / wanted;
-            assert!((saturation - end).abs() < 1e-6 * end, "{calibration} {stated:?}: {saturation}");
-        }
-    }
-
-    #[test]
-    fn white_of_a_calibration_below_the_black_level_is_named_with_both() {
-        let (frame, calibration) = (frame(), FrameCalibration::from_toml("white_dn = 50.0\n").unwrap());
-        let raw = RawInMemory { name: "frame", frame: &frame, calibration: Some(&calibration) };
-        let context = Context::new(crate::built_in_assets(), Arc::new(Lines::default()));
-        let error = frame_in_memory(raw, &FrameOptions::default(), &context).unwrap_err().to_string();
-        assert!(error.contains("frame: `white_dn = 50`: not above the black level of 64 DN"), "{error}");
-    }
-
-    #[test]
-    fn black_levels_that_differ_by_whole_numbers_are_subtracted_exactly() {
-        for (tile, wanted) in [
-            // Their means are 107.5, 107.45 and 107.625.
-            ([100.0, 110.0, 90.0, 130.0], 108.0),
-            ([100.2, 110.2, 90.2, 129.2], 107.2),
-            ([100.0, 110.5, 90.0, 130.0], 107.625),
-        ] {
-            let level = common_level(&tile).unwrap();
-            assert!((level - wanted).abs() < 1e-9, "{tile:?}: {level}");
-        }
-        let tile = [100.0, 110.0, 90.0, 130.0];
-        let mut frame = frame();
-        frame.info.black_tile_dn = Some(tile.to_vec());
-        frame.info.black_level_dn = Some(107.5);
-        let raw = RawInMemory { name: "frame", frame: &frame, calibration: None };
-        let context = Context::new(crate::built_in_assets(), Arc::new(Lines::default()));
-        let read = frame_in_memory(raw, &FrameOptions::default(), &context).unwrap();
-        for (i, (found, stored)) in read.dn.iter().zip(&frame.dn).enumerate() {
-            let level = tile[i / 16 % 2 * 2 + i % 2];
-            assert_eq!(f64::from(*found) - read.about.black_dn, f64::from(*stored) - level, "{i}");
-        }
-    }
-
-    const RESPONSE: &str = "response = [0.5, 1.0, 0.6]\n";
-    const NOISE: &str = "[noise]\nshot = 1e-3\nread = 1e-5\n";
-
-    #[test]
-    fn only_what_the_calibration_leaves_open_is_assumed_with_a_warning() {
-        for (calibration, wanted) in [
-            (String::new(), Some("its noise and its answer to white light are assumed")),
-            (RESPONSE.to_owned(), Some("unknown: its noise is assumed")),
-            (NOISE.to_owned(), Some("unknown: its answer to white light is assumed")),
-            (format!("{RESPONSE}{NOISE}"), None),
-        ] {
-            let (_, said) = read_with(&calibration, None);
-            let found = said.iter().find(|line| line.contains("the sensor is unknown"));
-            assert_eq!(found.is_some(), wanted.is_some(), "{calibration}: {said:?}");
-            assert!(wanted.is_none_or(|wanted| found.unwrap().contains(wanted)), "{said:?}");
-        }
-    }
-
-    #[test]
-    fn what_is_said_of_many_frames_is_said_once_with_a_count() {
-        let (frame, calibration) = (frame(), FrameCalibration::from_toml(RESPONSE).unwrap());
-        let lines = Arc::new(Lines::default());
-        let context = Context::new(crate::built_in_assets(), lines.clone());
-        let said = |sensor: Option<&str>| {
-            let options = FrameOptions { sensor: sensor.map(Into::into), ..FrameOptions::default() };
-            let noted = noted_frames(&context);
-            for name in ["a", "b", "c"] {
-                let raw = RawInMemory { name, frame: &frame, calibration: Some(&calibration) };
-                read_one(Source::Memory(raw), &options, &noted).unwrap();
-            }
-            drop(noted);
-            std::mem::take(&mut *lines.0.lock().unwrap())
-        };
-        let counts =
-            "its calibration counts before --sensor, in response; remove what the sensor should give";
-        let with_sensor = said(Some("imx249-fitted"));
-        assert!(with_sensor.contains(&format!("a and 2 other frames: {counts}")), "{with_sensor:?}");
-        let assumed = "the sensor is unknown: its noise is assumed; --sensor names it";
-        let without = said(None);
-        assert!(without.contains(&format!("warning: a and 2 other frames: {assumed}")), "{without:?}");
-        for lines in [with_sensor, without] {
-            assert!(lines.iter().all(|line| !line.contains("b: ") && !line.contains("c: ")), "{lines:?}");
-        }
-    }
-
-    #[test]
-    fn a_calibration_counts_before_the_sensor_that_a_call_names() {
-        let name = Some("imx249-fitted");
-        let (sensor, said) = read_with("", name);
-        assert!(said.iter().all(|line| !line.contains("--sensor")), "{said:?}");
-        let (both, said) = read_with(RESPONSE, name);
-        assert_eq!(both.response, [0.5, 1.0, 0.6]);
-        assert_eq!(both.noise, sensor.noise);
-        // Green saturates first, at the white level, which is white.
-        assert!((both.saturation - 1.0).abs() < 1e-9, "{}", both.saturation);
-        assert!(said.iter().any(|line| line.contains("counts before --sensor, in response;")), "{said:?}");
-        let (both, said) = read_with(NOISE, name);
-        assert_eq!((both.response, both.noise), (sensor.response, NoiseProfile { shot: 1e-3, read: 1e-5 }));
-        assert!(said.iter().any(|line| line.contains("counts before --sensor, in noise;")), "{said:?}");
-    }
-}
+mod tests;

@@ -97,6 +97,12 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         other => other.into(),
     })?;
     context.wrote(&request.output, "raw frame");
+    if let Some(exif) = frame.info.orientation.filter(|exif| *exif > 1) {
+        context.note(format!(
+            "{} keeps `orientation = {exif}`: the numbers stay as they are stored, and `petzval isp develop` turns the picture",
+            sidecar_path(&request.output).display()
+        ));
+    }
     if let Some(said) = what_is_unknown(&frame.info) {
         context.note(format!("{} {said}", sidecar_path(&request.output).display()));
     }

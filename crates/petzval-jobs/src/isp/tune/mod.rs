@@ -12,7 +12,9 @@ use std::time::Instant;
 use petzval_base::simd::level;
 use petzval_camera::image::LinearImage;
 use petzval_camera::isp::{IspError, RgbPicture};
+use petzval_design::error::DesignError;
 use petzval_design::evolution::{Evolution, EvolutionSettings};
+use petzval_files::is_picture_turned;
 use petzval_learn::score::{Score, ScoreDescription, ScoredPair};
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -335,7 +337,18 @@ impl Tuner<'_> {
         let (pictures, frames) = (NotedPictures::new(self.context), noted_frames(self.context));
         for case in &self.cases {
             let frame = read_one(Source::File(&case.raw), &self.plan.frame, &frames)?;
-            case.read_reference((frame.height, frame.width), &pictures)?;
+            frame.note_turn(&case.raw, &frames);
+            if frame.orientation.is_none()
+                && is_picture_turned(&case.reference).map_err(DesignError::Image)?
+            {
+                frames.warning(
+                    case.raw.display(),
+                    WarningKind::RawFrame,
+                    "its reference is turned by an orientation, and the frame states none: state `orientation` in its sidecar if both lie alike"
+                        .to_owned(),
+                );
+            }
+            case.read_reference(frame.turned_size(), &pictures)?;
         }
         Ok(())
     }
@@ -508,24 +521,24 @@ impl Tuner<'_> {
     fn scores(&self, points: &[Vec<f64>]) -> Result<Option<Vec<Scored>>> {
         // What files say was said when the frames were checked.
         let silent = self.context.silent();
-        let references = NotedPictures::new(&silent);
+        let (references, frames) = (NotedPictures::new(&silent), noted_frames(&silent));
         let mut sums: Vec<Scored> = vec![Ok(0.0); points.len()];
         for case in &self.cases {
             if self.context.is_cancelled() {
                 return Ok(None);
             }
-            let frame = read_frame(&case.raw, &self.plan.frame, &silent)?;
-            let truth = case.read_reference((frame.height, frame.width), &references)?;
+            let frame = read_one(Source::File(&case.raw), &self.plan.frame, &frames)?;
+            let truth = case.read_reference(frame.turned_size(), &references)?;
             let isp = self.named.isp();
             // A setting that failed on a frame is not tried on the others.
             let develop =
-                |(values, sum): (&Vec<f64>, &Scored)| sum.is_ok().then(|| isp.develop(&frame, values));
+                |(values, sum): (&Vec<f64>, &Scored)| sum.is_ok().then(|| isp.develop(&frame.input, values));
             let pictures: Vec<Option<Developed>> = points.par_iter().zip(&sums).map(develop).collect();
             for (sum, picture) in sums.iter_mut().zip(pictures) {
                 match picture {
                     None => {}
                     Some(Ok(picture)) => {
-                        let score = self.score_of_picture(picture, &truth, case)?;
+                        let score = self.score_of_picture(frame.turned(picture), &truth, case)?;
                         if let Ok(sum) = sum {
                             *sum += score / self.cases.len() as f64;
                         }

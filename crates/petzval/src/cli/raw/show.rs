@@ -66,6 +66,7 @@ fn facts(info: &RawInfo) -> Vec<(&'static str, String)> {
         ("linear gain", number(info.linear_gain, "")),
         ("pixel pitch", number(info.pixel_um, " um")),
         ("temperature", number(info.temperature_c, " degrees C")),
+        ("orientation", info.orientation.map(|exif| format!("{exif} of EXIF"))),
     ];
     all.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
 }

@@ -213,6 +213,72 @@ fn exposures_are_merged_before_they_are_developed() {
     run_fails(folder.path(), &refused, 2, &["number of exposures", "one for each frame"]);
 }
 
+/// A picture beside another, with an orientation of EXIF: 3 is half a turn.
+fn write_with_orientation(picture: &image::RgbImage, exif: u8, to: &Path) {
+    use image::ImageEncoder;
+    let mut bytes = Vec::new();
+    let mut encoder = image::codecs::png::PngEncoder::new(&mut bytes);
+    let about = [&b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0"[..], &[exif], &[0; 6]].concat();
+    encoder.set_exif_metadata(about).unwrap();
+    encoder.write_image(picture, picture.width(), picture.height(), image::ExtendedColorType::Rgb8).unwrap();
+    std::fs::write(to, bytes).unwrap();
+}
+
+#[test]
+fn pictures_are_turned_as_their_frames_say_and_so_is_what_is_tuned() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    write_raws(&at("raws"));
+    std::fs::remove_file(at("raws/right.tiff")).unwrap();
+    let sidecar = read(&at("raws/left.tiff.toml"));
+    let develop = |out: &str| run_ok(folder.path(), &["isp", "develop", "raws/left.tiff", "--out", out]);
+    let open = |out: &str| image::open(at(out).join("left.png")).unwrap().into_rgb8();
+    assert!(!develop("stored").says("orientation"));
+    let stored = open("stored");
+
+    std::fs::write(at("raws/left.tiff.toml"), format!("{sidecar}orientation = 6\n")).unwrap();
+    let run = develop("turned");
+    assert!(run.says("its orientation is 6: the picture is turned by a quarter clockwise"), "{}", run.stderr);
+    assert_eq!(open("turned"), image::imageops::rotate90(&stored));
+    // The numbers of a mosaic stay where they are.
+    let run = run_ok(folder.path(), &["raw", "convert", "raws/left.tiff", "kept.npy"]);
+    assert!(run.says("kept.npy.toml keeps `orientation = 6`"), "{}", run.stderr);
+    assert!(read(&at("kept.npy.toml")).contains("orientation = 6\n"));
+
+    let tune = |reference: &'static str, out: &'static str| {
+        [
+            "isp",
+            "tune",
+            "raws",
+            "--reference",
+            reference,
+            "--vary",
+            "gain",
+            "--evaluations",
+            "8",
+            "--out",
+            out,
+        ]
+    };
+    let start = |reference: &'static str, out: &'static str| {
+        let run = run_ok(folder.path(), &[&tune(reference, out)[..], &["--json"]].concat());
+        (run.json()["start"].as_f64().unwrap(), run.says("its reference is turned by an orientation"))
+    };
+    let sizes = ["left.png: 32 x 48 pixels", "left.tiff has 48 x 32"];
+    run_fails(folder.path(), &tune("stored", "no"), 2, &sizes);
+    let (score, _) = start("turned", "quarter");
+    assert!(score > 40.0, "{score}");
+
+    // A reference that its file turns, of a frame that states no orientation, and of one that states the same.
+    std::fs::create_dir(at("half")).unwrap();
+    write_with_orientation(&stored, 3, &at("half/left.png"));
+    for (line, is_alike) in [("", false), ("orientation = 3\n", true)] {
+        std::fs::write(at("raws/left.tiff.toml"), format!("{sidecar}{line}")).unwrap();
+        let (score, is_named) = start("half", if is_alike { "alike" } else { "unlike" });
+        assert_eq!((score > 40.0, is_named), (is_alike, !is_alike), "{line}: {score}");
+    }
+}
+
 /// A gray ramp with noise, cut off at a number, as a 12-bit RGGB frame.
 fn write_ramp(path: &Path, cut: u16, offsets: [u16; 4], sidecar: &str) {
     let hash = |i: u32| (i.wrapping_mul(2_654_435_761) >> 16) % 31;

@@ -1,0 +1,159 @@
+//! What an ISP knows of raw frames, and what is said of them.
+
+use std::sync::Arc;
+
+use super::*;
+use crate::event::Lines;
+
+fn frame() -> RawFrame<u32> {
+    let info = RawInfo {
+        bits: Some(12),
+        cfa: Some("RGGB".parse().unwrap()),
+        black_level_dn: Some(64.0),
+        white_level_dn: Some(4095.0),
+        ..RawInfo::default()
+    };
+    RawFrame { height: 16, width: 16, dn: (0..256).map(|i| 200 + 7 * i).collect(), info }
+}
+
+/// What an ISP knows of a frame with this calibration, and what was said.
+fn read_with(calibration: &str, sensor: Option<&str>) -> (FrameData, Vec<String>) {
+    let frame = frame();
+    let calibration = FrameCalibration::from_toml(calibration).unwrap();
+    let raw = RawInMemory { name: "frame", frame: &frame, calibration: Some(&calibration) };
+    let options = FrameOptions { sensor: sensor.map(Into::into), ..FrameOptions::default() };
+    let lines = Arc::new(Lines::default());
+    let context = Context::new(crate::built_in_assets(), lines.clone());
+    let read = frame_in_memory(raw, &options, &context).unwrap();
+    let said = lines.0.lock().unwrap().clone();
+    (read.about, said)
+}
+
+#[test]
+fn white_of_a_merged_frame_is_where_the_merged_frame_saturates() {
+    let frames = [1.0, 1.0 / 16.0].map(|time_s| {
+        let mut frame = frame();
+        frame.info.exposure_s = Some(time_s);
+        frame
+    });
+    // White above black, in digital numbers of the longest exposure, and the light at saturation.
+    let white = |calibration: &str, white_dn: Option<f64>| {
+        let calibration = FrameCalibration::from_toml(calibration).unwrap();
+        let source =
+            |frame| Source::Memory(RawInMemory { name: "frame", frame, calibration: Some(&calibration) });
+        let options = FrameOptions { white_dn, ..FrameOptions::default() };
+        let context = Context::new(crate::built_in_assets(), Arc::new(Lines::default()));
+        let merge = Merge { exposures: None, no_motion_check: true };
+        // The order of the files does not matter.
+        let [read, turned] = [[&frames[0], &frames[1]], [&frames[1], &frames[0]]].map(|frames| {
+            let noted = noted_frames(&context);
+            read_merged(&frames.map(source), &merge, &options, &noted).unwrap().input.about
+        });
+        assert_eq!(read, turned);
+        let unit = read.black_dn / 64.0;
+        ((read.white_dn - read.black_dn) / unit, read.saturation)
+    };
+    for (calibration, stated, wanted) in [
+        ("", None, 16.0 * (4095.0 - 64.0)),
+        ("", Some(1064.0), 1000.0),
+        ("white_dn = 2064.0\n", None, 2000.0),
+    ] {
+        let (range, saturation) = white(calibration, stated);
+        assert!((range - wanted).abs() < 1e-6 * wanted, "{calibration} {stated:?}: {range}");
+        let end = 16.0 * (4095.0 - 64.0) / wanted;
+        assert!((saturation - end).abs() < 1e-6 * end, "{calibration} {stated:?}: {saturation}");
+    }
+}
+
+#[test]
+fn white_of_a_calibration_below_the_black_level_is_named_with_both() {
+    let (frame, calibration) = (frame(), FrameCalibration::from_toml("white_dn = 50.0\n").unwrap());
+    let raw = RawInMemory { name: "frame", frame: &frame, calibration: Some(&calibration) };
+    let context = Context::new(crate::built_in_assets(), Arc::new(Lines::default()));
+    let error = frame_in_memory(raw, &FrameOptions::default(), &context).unwrap_err().to_string();
+    assert!(error.contains("frame: `white_dn = 50`: not above the black level of 64 DN"), "{error}");
+}
+
+#[test]
+fn black_levels_that_differ_by_whole_numbers_are_subtracted_exactly() {
+    for (tile, wanted) in [
+        // Their means are 107.5, 107.45 and 107.625.
+        ([100.0, 110.0, 90.0, 130.0], 108.0),
+        ([100.2, 110.2, 90.2, 129.2], 107.2),
+        ([100.0, 110.5, 90.0, 130.0], 107.625),
+    ] {
+        let level = common_level(&tile).unwrap();
+        assert!((level - wanted).abs() < 1e-9, "{tile:?}: {level}");
+    }
+    let tile = [100.0, 110.0, 90.0, 130.0];
+    let mut frame = frame();
+    frame.info.black_tile_dn = Some(tile.to_vec());
+    frame.info.black_level_dn = Some(107.5);
+    let raw = RawInMemory { name: "frame", frame: &frame, calibration: None };
+    let context = Context::new(crate::built_in_assets(), Arc::new(Lines::default()));
+    let read = frame_in_memory(raw, &FrameOptions::default(), &context).unwrap();
+    for (i, (found, stored)) in read.dn.iter().zip(&frame.dn).enumerate() {
+        let level = tile[i / 16 % 2 * 2 + i % 2];
+        assert_eq!(f64::from(*found) - read.about.black_dn, f64::from(*stored) - level, "{i}");
+    }
+}
+
+const RESPONSE: &str = "response = [0.5, 1.0, 0.6]\n";
+const NOISE: &str = "[noise]\nshot = 1e-3\nread = 1e-5\n";
+
+#[test]
+fn only_what_the_calibration_leaves_open_is_assumed_with_a_warning() {
+    for (calibration, wanted) in [
+        (String::new(), Some("its noise and its answer to white light are assumed")),
+        (RESPONSE.to_owned(), Some("unknown: its noise is assumed")),
+        (NOISE.to_owned(), Some("unknown: its answer to white light is assumed")),
+        (format!("{RESPONSE}{NOISE}"), None),
+    ] {
+        let (_, said) = read_with(&calibration, None);
+        let found = said.iter().find(|line| line.contains("the sensor is unknown"));
+        assert_eq!(found.is_some(), wanted.is_some(), "{calibration}: {said:?}");
+        assert!(wanted.is_none_or(|wanted| found.unwrap().contains(wanted)), "{said:?}");
+    }
+}
+
+#[test]
+fn what_is_said_of_many_frames_is_said_once_with_a_count() {
+    let (frame, calibration) = (frame(), FrameCalibration::from_toml(RESPONSE).unwrap());
+    let lines = Arc::new(Lines::default());
+    let context = Context::new(crate::built_in_assets(), lines.clone());
+    let said = |sensor: Option<&str>| {
+        let options = FrameOptions { sensor: sensor.map(Into::into), ..FrameOptions::default() };
+        let noted = noted_frames(&context);
+        for name in ["a", "b", "c"] {
+            let raw = RawInMemory { name, frame: &frame, calibration: Some(&calibration) };
+            read_one(Source::Memory(raw), &options, &noted).unwrap();
+        }
+        drop(noted);
+        std::mem::take(&mut *lines.0.lock().unwrap())
+    };
+    let counts = "its calibration counts before --sensor, in response; remove what the sensor should give";
+    let with_sensor = said(Some("imx249-fitted"));
+    assert!(with_sensor.contains(&format!("a and 2 other frames: {counts}")), "{with_sensor:?}");
+    let assumed = "the sensor is unknown: its noise is assumed; --sensor names it";
+    let without = said(None);
+    assert!(without.contains(&format!("warning: a and 2 other frames: {assumed}")), "{without:?}");
+    for lines in [with_sensor, without] {
+        assert!(lines.iter().all(|line| !line.contains("b: ") && !line.contains("c: ")), "{lines:?}");
+    }
+}
+
+#[test]
+fn a_calibration_counts_before_the_sensor_that_a_call_names() {
+    let name = Some("imx249-fitted");
+    let (sensor, said) = read_with("", name);
+    assert!(said.iter().all(|line| !line.contains("--sensor")), "{said:?}");
+    let (both, said) = read_with(RESPONSE, name);
+    assert_eq!(both.response, [0.5, 1.0, 0.6]);
+    assert_eq!(both.noise, sensor.noise);
+    // Green saturates first, at the white level, which is white.
+    assert!((both.saturation - 1.0).abs() < 1e-9, "{}", both.saturation);
+    assert!(said.iter().any(|line| line.contains("counts before --sensor, in response;")), "{said:?}");
+    let (both, said) = read_with(NOISE, name);
+    assert_eq!((both.response, both.noise), (sensor.response, NoiseProfile { shot: 1e-3, read: 1e-5 }));
+    assert!(said.iter().any(|line| line.contains("counts before --sensor, in noise;")), "{said:?}");
+}
