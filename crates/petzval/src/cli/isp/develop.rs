@@ -19,7 +19,8 @@ use crate::cli::terminal::{Terminal, print_response};
 ///
 /// A frame is a raw file with its sidecar, as `petzval simulate` and `petzval raw convert` write them. The sidecar gives bits, mosaic and
 /// levels. The sensor, named by the sidecar or by --sensor, gives noise and the response to white light. The calibration that the sidecar
-/// names gives shading and distortion of the lens and the colour matrix.
+/// names gives shading and distortion of the lens and the colour matrix. The picture is turned by the orientation that the file or the
+/// sidecar states.
 ///
 /// With --merge the frames are exposures of one scene. They are merged into one linear frame of up to 24 bits, which becomes one picture.
 #[derive(Debug, clap::Args)]

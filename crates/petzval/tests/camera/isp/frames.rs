@@ -213,7 +213,7 @@ fn exposures_are_merged_before_they_are_developed() {
     run_fails(folder.path(), &refused, 2, &["number of exposures", "one for each frame"]);
 }
 
-/// A picture beside another, with an orientation of EXIF: 3 is half a turn.
+/// Writes a picture whose EXIF data state an orientation: 3 is half a turn.
 fn write_with_orientation(picture: &image::RgbImage, exif: u8, to: &Path) {
     use image::ImageEncoder;
     let mut bytes = Vec::new();
