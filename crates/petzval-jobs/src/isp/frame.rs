@@ -371,6 +371,13 @@ fn read_exposure(source: Source<'_>, options: &FrameOptions, noted: &Noted<'_>) 
         f64::from(info.companding.as_ref().map_or(highest, |companding| companding.expand(highest)));
     let gain = info.linear_gain.unwrap_or(1.0);
     let (black_dn, black_tile) = match calibration.black_at(gain) {
+        Some(levels) if info.companding.is_some() && levels.iter().any(|level| *level != levels[0]) => {
+            let message = format!(
+                "{}: its calibration has levels of the tile, and the frame is companded",
+                path.display()
+            );
+            return Err(JobError::input(message, "give one level: that after the expansion"));
+        }
         Some(levels) => tile_of(path, levels, cfa)?,
         None if calibration.black_dn.is_some() => (calibration.black_dn, None),
         None => (info.black_level_dn, info.black_tile_dn.clone()),

@@ -98,6 +98,23 @@ fn black_levels_that_differ_by_whole_numbers_are_subtracted_exactly() {
     }
 }
 
+#[test]
+fn levels_of_the_tile_are_not_subtracted_from_companded_numbers() {
+    let mut frame = frame();
+    let (companded_dn, linear_dn) = (vec![0, 4095], vec![0, 65535]);
+    frame.info.companding = Some(petzval_camera::isp::Companding { companded_dn, linear_dn });
+    frame.info.white_level_dn = None;
+    let context = Context::new(crate::built_in_assets(), Arc::new(Lines::default()));
+    for (levels, is_refused) in [("[60, 62, 62, 64]", true), ("[62, 62, 62, 62]", false)] {
+        let text = format!("[[black_at_gain]]\nlinear_gain = 1.0\nblack_dn = {levels}\n");
+        let calibration = FrameCalibration::from_toml(&text).unwrap();
+        let raw = RawInMemory { name: "frame", frame: &frame, calibration: Some(&calibration) };
+        let read = frame_in_memory(raw, &FrameOptions::default(), &context);
+        let is_named = read.is_err_and(|error| error.to_string().contains("the frame is companded"));
+        assert_eq!(is_named, is_refused, "{levels}");
+    }
+}
+
 const RESPONSE: &str = "response = [0.5, 1.0, 0.6]\n";
 const NOISE: &str = "[noise]\nshot = 1e-3\nread = 1e-5\n";
 
