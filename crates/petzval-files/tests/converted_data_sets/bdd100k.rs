@@ -30,9 +30,10 @@ fn bdd100k_colours_become_states() {
         assert_eq!(
             objects(&converted),
             [
-                (name, "traffic light", [10.0, 5.0, 4.5, 10.0]),
-                (name, "traffic light", [20.0, 5.0, 4.0, 10.0]),
-                (name, "car", [30.0, 5.0, 40.0, 30.0])
+                // The last pixel belongs to a box: scalabel.label.transforms gives `x2 - x1 + 1`, also for fractions.
+                (name, "traffic light", [10.0, 5.0, 5.5, 11.0]),
+                (name, "traffic light", [20.0, 5.0, 5.0, 11.0]),
+                (name, "car", [30.0, 5.0, 41.0, 31.0])
             ]
         );
         let states =
@@ -87,7 +88,7 @@ fn bdd100k_colours_become_states() {
                  "box2d": {"x1": 1, "y1": 2, "x2": 3, "y2": 5}}]}]}"#;
     write(root, "labels/det_val.json", old);
     let converted = convert(SourceFormat::Bdd100k, root, None, &Cancel::default()).unwrap();
-    assert_eq!(objects(&converted), [("images/100k/val/b.png", "car", [1.0, 2.0, 2.0, 3.0])]);
+    assert_eq!(objects(&converted), [("images/100k/val/b.png", "car", [1.0, 2.0, 3.0, 4.0])]);
 
     for (from, to, needles) in [
         ("\"x1\": 10,", "\"x1\": NaN,", ["a.jpg: labels[0].box2d.x1", "no finite number"]),
@@ -269,7 +270,7 @@ fn frames_of_one_name_are_in_the_folders_of_their_films() {
     };
     for ending in [".png", ""] {
         let found = labels(ending);
-        let bounds = [1.0, 5.0, 8.0, 10.0];
+        let bounds = [1.0, 5.0, 9.0, 11.0];
         assert_eq!(
             objects(&found),
             [("images/v1/0001.png", "car", bounds), ("images/v2/0001.png", "bus", bounds)]

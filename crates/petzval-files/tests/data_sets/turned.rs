@@ -145,8 +145,8 @@ fn boxes_lie_on_their_objects_for_every_orientation() {
         }
         std::fs::remove_file(root.join("a.xml")).unwrap();
 
-        // BDD100K states none.
-        let corners = format!(r#"{{"x1": {x}, "y1": {y}, "x2": {}, "y2": {}}}"#, x + w, y + h);
+        // BDD100K states none. Its corners are the first and the last pixel.
+        let corners = format!(r#"{{"x1": {x}, "y1": {y}, "x2": {}, "y2": {}}}"#, x + w - 1.0, y + h - 1.0);
         let label =
             format!(r#"[{{"name": "a.jpg", "labels": [{{"category": "car", "box2d": {corners}}}]}}]"#);
         write(root, "labels.json", &label);

@@ -1,6 +1,7 @@
 //! BDD100K: JSON files with a list of pictures, each with `labels[].box2d`; also the older files of one picture each.
 //!
-//! <https://doc.bdd100k.com/format.html>. Lanes and drivable areas without `box2d` are left out and counted, and so are lists that have no
+//! <https://doc.bdd100k.com/format.html>. `x1`, `y1`, `x2` and `y2` are the first and the last pixels of a box, from 0: it is `x2 - x1 + 1` wide, as in
+//! Scalabel, the data set's own converter. Lanes and drivable areas without `box2d` are left out and counted, and so are lists that have no
 //! other labels: their pictures are no background. Another label without a box is an error of its own. A file of one picture has all labels
 //! of it. A folder of the name of a film has its pictures. Frames of several times or films by the name of
 //! one picture are an error; other entries of a picture in a list are noted, and their labels come together. The colour of a traffic light becomes the attribute `state`: `red`, `yellow` and `green`, or `R`, `Y` and `G`. Objects with `crowd` or `ignored` are crowds. A stated `size` is that of the picture. Labels of whole
@@ -273,7 +274,8 @@ fn label<'a>(
     };
     let [left, top] = [value(&corners.x1, "x1")?, value(&corners.y1, "y1")?];
     let [right, bottom] = [value(&corners.x2, "x2")?, value(&corners.y2, "y2")?];
-    let mut label = Label::new(class, Bounds::between(left, top, right, bottom));
+    // The last pixel belongs to the box. Scalabel adds it to labels of every release, also to fractions of pixels.
+    let mut label = Label::new(class, Bounds::between(left, top, right + 1.0, bottom + 1.0));
     for (name, value) in object.attributes.iter().flatten() {
         let value = match value {
             Loose::Absent => continue,
