@@ -1,7 +1,8 @@
 //! KITTI object detection: a text file of labels for each picture.
 //!
 //! A line is `type truncated occluded alpha left top right bottom height width length x y z rotation_y`, with edges in pixels from 0. `alpha` and
-//! everything from `height` on belong to the object in space: they must be numbers, and are not used. A line with a 16th value, a score, is what a
+//! everything from `height` on belong to the object in space: they must be numbers, and are not used. `truncated` is a share, `occluded` 0, 1, 2 or 3,
+//! and both are -1 where they are not known. A line with a 16th value, a score, is what a
 //! detector found; such lines are counted. <https://www.cvlibs.net/datasets/kitti/eval_object.php>
 //!
 //! Pictures are numbered in a random order. The folder `mapping` of the devkit says which drive each is of: line `n` of `train_mapping.txt` is

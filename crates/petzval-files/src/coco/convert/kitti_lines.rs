@@ -34,6 +34,12 @@ const NAMES: [&str; 15] = [
     "score",
 ];
 
+/// The value of `truncated` and `occluded` that is not known, as in regions and results.
+const UNKNOWN: f64 = -1.0;
+
+/// Largest value of `truncated`: shares end at 1, the numbers of tracks at 2.
+const MOST_TRUNCATED: f64 = 2.0;
+
 /// The class of regions without labels.
 const REGION: &str = "DontCare";
 
@@ -118,7 +124,8 @@ pub(super) fn parse_line(number: u32, line: &str) -> Result<Line, FileError> {
     line_of(number, line, &words)
 }
 
-/// A line whose values for detection are `words`.
+/// A line whose values for detection are `words`. Fails where the count of values is another, where one is no finite number, and where `truncated`
+/// or `occluded` has a value that KITTI does not have.
 pub(super) fn line_of(number: u32, line: &str, words: &[&str]) -> Result<Line, FileError> {
     if !VALUES.contains(&words.len()) {
         return Err(FileError::at_line(number, line, format!("the line has {} values", words.len()))
@@ -136,6 +143,18 @@ pub(super) fn line_of(number: u32, line: &str, words: &[&str]) -> Result<Line, F
     }
     let bounds = Bounds::between(numbers[3], numbers[4], numbers[5], numbers[6]);
     let [truncated, occluded] = [numbers[0], numbers[1]];
+    let unknown = |i: usize, hint: &str| {
+        FileError::at_line(number, words[i], format!("`{}` has no such value", NAMES[i - 1])).hint(hint)
+    };
+    if truncated != UNKNOWN && !(0.0..=MOST_TRUNCATED).contains(&truncated) {
+        return Err(unknown(
+            1,
+            "write a share from 0 to 1, for tracks 0, 1 or 2, or -1 where it is not known",
+        ));
+    }
+    if ![UNKNOWN, 0.0, 1.0, 2.0, 3.0].contains(&occluded) {
+        return Err(unknown(2, "write 0, 1, 2 or 3, or -1 where it is not known"));
+    }
     let (class, score) = (words[0].to_owned(), numbers.get(14).copied());
     Ok(Line { class, truncated, occluded, bounds, score, track: None })
 }
@@ -157,6 +176,19 @@ mod tests {
             ("Car 0.25 1 -1.57 10,5 20 110.5 70 1.5 1.6 3.9 1 2 30 -1.5", "10,5", "`left` is no number"),
             ("Car 0.25 1 -1.57 10.5 20 nan 70 1.5 1.6 3.9 1 2 30 -1.5", "nan", "`right` is no number"),
             ("Car 0.25 1 -1.57 10.5 20 110.5 70 1.5 1.6 3.9 car 2 30 -1.5", "car", "`x` is no number"),
+            // `rotation_y` is missing.
+            (
+                "Car 0 1 -1.57 10.5 20 110.5 70 1.5 1.6 3.9 1 2 30",
+                "Car 0 1 -1.57 10.5 20 110.5 70 1.5 1.6 3.9 1 2 30",
+                "has 14 values",
+            ),
+            ("Car 0 7 -1.57 10.5 20 110.5 70 1.5 1.6 3.9 1 2 30 -1.5", "7", "`occluded` has no such value"),
+            (
+                "Car 0 0.5 -1.57 10.5 20 110.5 70 1.5 1.6 3.9 1 2 30 -1.5",
+                "0.5",
+                "`occluded` has no such value",
+            ),
+            ("Car 3 1 -1.57 10.5 20 110.5 70 1.5 1.6 3.9 1 2 30 -1.5", "3", "`truncated` has no such value"),
         ] {
             let error = parse_line(3, line).unwrap_err();
             assert_eq!((error.line, error.value.as_str()), (Some(3), value));
