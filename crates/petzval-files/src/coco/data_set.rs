@@ -128,19 +128,15 @@ impl DataSet {
         objects
     }
 
-    /// The data set with boxes that reach out of their pictures, as its file has them, and their number; `None` if there is none.
-    pub fn unclipped(&self) -> Option<(Self, usize)> {
-        let overhanging = self.annotations.iter().filter(|a| a.unclipped.is_some()).count();
-        if overhanging == 0 {
-            return None;
-        }
+    /// The data set with boxes as its file has them: those that reach out of their pictures are whole.
+    pub fn unclipped(&self) -> Self {
         let mut whole = self.clone();
         for annotation in &mut whole.annotations {
             if let Some((bounds, area)) = annotation.unclipped.take() {
                 (annotation.bounds, annotation.area) = (bounds, area);
             }
         }
-        Some((whole, overhanging))
+        whole
     }
 
     /// The class of a number.

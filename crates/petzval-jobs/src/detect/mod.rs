@@ -12,10 +12,10 @@ use petzval_design::camera::Camera;
 use petzval_design::error::DesignError;
 use petzval_design::task::objects::boxes::with_boxes;
 use petzval_files::coco::{
-    self, ANNOTATIONS, Bounds, Category, DataSet, Image, load_coco, save_coco, save_results,
+    self, ANNOTATIONS, Annotation, Bounds, Category, DataSet, Image, load_coco, save_coco, save_results,
 };
 use petzval_files::{CheckedPictures, PICTURE_ENDINGS, encoded_png_bytes, is_picture_turned};
-use petzval_learn::dataset::{List, PictureFile, in_classes, own_categories, taken_as};
+use petzval_learn::dataset::{Judged, List, PictureFile, in_classes, own_categories, taken_as};
 use petzval_learn::detection::{Detection, detect_in};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 pub use finder::{Found, ObjectFinder, Source, Weights};
 pub use petzval_learn::detection::BackboneKind;
 pub use petzval_learn::score::detection::CocoSummary;
-pub use scores::{ClassScore, Overhanging, Scores};
+pub use scores::{ClassScore, Pycocotools, Scores};
 
 use finder::{Finder, finder};
 
@@ -133,11 +133,12 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let own =
         labelled.as_ref().zip(finder.taken.as_ref()).and_then(|(data, taken)| own_categories(data, taken));
     let labelled = labelled.map(|data| only(data, &looked));
-    let whole = labelled.as_ref().and_then(DataSet::unclipped);
-    let labelled = labelled.map(|data| in_classes_of(&finder, data, context)).transpose()?;
-    // What is wrong with the classes was said of the boxes inside.
-    let whole =
-        whole.and_then(|(data, boxes)| Some((in_classes_of(&finder, data, &context.silent()).ok()?, boxes)));
+    // A copy of a large data set is made only where it may differ.
+    let filed = labelled.as_ref().filter(|data| may_differ_for_pycocotools(data)).map(DataSet::unclipped);
+    let labelled = labelled.map(|data| in_classes_of(&finder, data, Judged::Clear, context)).transpose()?;
+    // What is wrong with the classes was said by now.
+    let filed =
+        filed.and_then(|data| in_classes_of(&finder, data, Judged::AllButCrowds, &context.silent()).ok());
     // Weights know their classes by number alone.
     if let (None, Some(data)) = (&finder.taken, &labelled) {
         take_names(&mut finder.classes, &data.categories);
@@ -188,7 +189,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         Ok(())
     });
     let scores = labelled.as_ref().filter(|_| outcome.is_ok()).map(|data| Scores {
-        overhanging: whole.as_ref().map(|(whole, boxes)| Overhanging::of(whole, *boxes, &results)),
+        pycocotools: filed.as_ref().and_then(|filed| Pycocotools::of(data, filed, &results)),
         ..Scores::of(data, &results)
     });
     if let Some(out) = request.out.as_ref().filter(|_| !pictures.is_empty()) {
@@ -423,7 +424,7 @@ fn only(mut data: DataSet, looked: &[Looked]) -> DataSet {
 
 /// The data set with the classes of a detector for categories: for a run by the words of their names, for weights of torchvision by their
 /// numbers. Fails where nothing is left to find.
-fn in_classes_of(finder: &Finder, data: DataSet, context: &Context) -> Result<DataSet> {
+fn in_classes_of(finder: &Finder, data: DataSet, judged: Judged, context: &Context) -> Result<DataSet> {
     let nothing = |hint: &str| {
         Err(JobError::input(format!("no box of {} is in this data set", listed(&finder.classes)), hint))
     };
@@ -445,7 +446,12 @@ fn in_classes_of(finder: &Finder, data: DataSet, context: &Context) -> Result<Da
         let mut data = DataSet { categories: known, ..data };
         data.annotations.retain(|object| numbers.contains(&object.category_id));
         // Other programs obey crowds alone.
-        data.annotations.iter_mut().for_each(|object| object.crowd |= object.ignore);
+        for object in &mut data.annotations {
+            match judged {
+                Judged::Clear => object.crowd |= object.ignore,
+                Judged::AllButCrowds => object.ignore = false,
+            }
+        }
         return if data.annotations.iter().any(|object| !object.crowd) {
             Ok(data)
         } else {
@@ -453,12 +459,19 @@ fn in_classes_of(finder: &Finder, data: DataSet, context: &Context) -> Result<Da
         };
     };
     taken_as(&data, classes).iter().for_each(|note| context.warning(WarningKind::DataSet, note));
-    let data = in_classes(&data, classes);
+    let data = in_classes(&data, classes, judged);
     if data.annotations.iter().any(|object| !object.crowd) {
         Ok(data)
     } else {
         nothing("its categories are recognised by the words of their names; `data check` lists them")
     }
+}
+
+/// Whether a data set has objects that pycocotools may take in another way: boxes that reach out of their pictures, and objects that are not judged
+/// though they are no crowds.
+fn may_differ_for_pycocotools(data: &DataSet) -> bool {
+    let may_differ = |a: &Annotation| a.unclipped.is_some() || !a.crowd && (a.ignore || a.bounds.is_thin());
+    data.annotations.iter().any(may_differ)
 }
 
 /// A list for people: its first eight words, and how many more there are.

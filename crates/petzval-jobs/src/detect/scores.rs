@@ -1,6 +1,8 @@
 //! How well a detector does on pictures whose objects are known: the numbers of COCO, and of each class.
 
-use petzval_files::coco::{self, DataSet, LIGHT_STATES};
+use std::collections::HashSet;
+
+use petzval_files::coco::{self, Annotation, DataSet, LIGHT_STATES};
 use petzval_learn::score::detection::{
     CocoSummary, Group, Interpolation, Protocol, Ranking, clusters_of_data_set, coco_summary,
     pictures_of_data_set, voc_average_precision,
@@ -17,9 +19,9 @@ pub struct Scores {
     /// The numbers of COCO. What is small and large is said by the areas of the data set, 32^2 and 96^2 px^2; for the detector of a run by those
     /// of the boxes.
     pub coco: CocoSummary,
-    /// The same of boxes that reach out of their picture, as pycocotools takes them; none where no box does.
+    /// The same as pycocotools gives them for the file of the data set; none where they are the numbers above.
     #[serde(default)]
-    pub overhanging: Option<Overhanging>,
+    pub pycocotools: Option<Pycocotools>,
     /// Where the average precision lies in 95 % of draws of the pictures with repetition, low and high; pictures of one sequence are drawn
     /// together.
     pub ap_range: Option<[f64; 2]>,
@@ -31,21 +33,44 @@ pub struct Scores {
     pub state_accuracy: Option<f64>,
 }
 
-/// The numbers of COCO where boxes that reach out of their picture are whole.
+/// The numbers of COCO as pycocotools gives them, where its definition differs: it takes boxes that reach out of their picture whole, and judges all
+/// objects that are no crowds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Overhanging {
+pub struct Pycocotools {
     /// Boxes that reach out of their picture. All other scores are of the part inside.
-    pub boxes: usize,
-    /// The numbers of COCO as pycocotools gives them for boxes that are not clipped.
+    pub overhanging: usize,
+    /// Objects that are no crowds, and that no other score judges: they have `ignore`, or the part inside their picture is thinner than a pixel.
+    pub ignored: usize,
+    /// The numbers.
     pub coco: CocoSummary,
 }
 
-impl Overhanging {
-    /// Scores against the boxes as the file has them. `boxes` of them reach out of their picture.
-    pub fn of(whole: &DataSet, boxes: usize, found: &[coco::Detection]) -> Self {
-        let (pictures, classes) = pictures_of_data_set(whole, found);
-        Self { boxes, coco: coco_summary(&pictures, classes.len()) }
+impl Pycocotools {
+    /// Scores against the objects `filed` as their file has them; `None` where these are the objects `judged` of all other scores. Both have the same
+    /// objects in the same order.
+    pub fn of(judged: &DataSet, filed: &DataSet, found: &[coco::Detection]) -> Option<Self> {
+        let differ_in = |differ: fn(&Annotation, &Annotation) -> bool| {
+            let pairs = judged.annotations.iter().zip(&filed.annotations);
+            // A light of unknown state is there once for each class.
+            let places: HashSet<(u64, [u64; 4])> = pairs
+                .filter(|(ours, theirs)| differ(ours, theirs))
+                .map(|(_, theirs)| place(theirs))
+                .collect();
+            places.len()
+        };
+        let overhanging = differ_in(|ours, theirs| ours.bounds != theirs.bounds);
+        let ignored = differ_in(|ours, theirs| ours.crowd != theirs.crowd);
+        if overhanging == 0 && ignored == 0 {
+            return None;
+        }
+        let (pictures, classes) = pictures_of_data_set(filed, found);
+        Some(Self { overhanging, ignored, coco: coco_summary(&pictures, classes.len()) })
     }
+}
+
+/// The picture of an object, and its bounds to the bit.
+fn place(object: &Annotation) -> (u64, [u64; 4]) {
+    (object.image_id, <[f64; 4]>::from(object.bounds).map(f64::to_bits))
 }
 
 /// How well the objects of a class are found.
@@ -85,9 +110,74 @@ impl Scores {
             ap_range: range(&ranking(&Protocol::coco())),
             ap50_range: range(&half),
             classes: classes.iter().enumerate().map(by_class).collect(),
-            overhanging: None,
+            pycocotools: None,
             state_accuracy: has_states.then(|| confusion(&pictures, classes.len()).accuracy()).flatten(),
             coco,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use petzval_files::coco::{Bounds, Category, Image};
+
+    use super::*;
+
+    /// Boxes and figures are those of `petzval-learn/tests/fixtures/ignored_boxes.py`.
+    #[test]
+    fn objects_with_ignore_have_the_figures_of_pycocotools_beside_our_own() {
+        let truth: [(u64, [f64; 4], bool, bool); 5] = [
+            (1, [10.0, 10.0, 40.0, 30.0], false, false),
+            (1, [60.0, 20.0, 30.0, 30.0], false, true),
+            (2, [5.0, 5.0, 20.0, 20.0], false, false),
+            (2, [30.0, 10.0, 30.0, 40.0], false, true),
+            (2, [65.0, 10.0, 30.0, 40.0], true, true),
+        ];
+        let found = [
+            (1, [11.0, 11.0, 38.0, 28.0], 0.9),
+            (1, [60.0, 20.0, 30.0, 20.0], 0.8),
+            (1, [62.0, 22.0, 12.0, 12.0], 0.7),
+            (2, [6.0, 5.0, 19.0, 19.0], 0.75),
+            (2, [31.0, 11.0, 28.0, 38.0], 0.65),
+            (2, [66.0, 12.0, 12.0, 20.0], 0.6),
+            (2, [5.0, 40.0, 15.0, 15.0], 0.3),
+        ];
+        let found = found.map(|(image_id, bounds, score)| coco::Detection {
+            image_id,
+            category_id: 1,
+            bounds: Bounds::from(bounds),
+            score,
+        });
+        let data = |is_judged: bool| {
+            let objects = (1..).zip(&truth).map(|(id, &(image_id, bounds, crowd, ignore))| Annotation {
+                id,
+                image_id,
+                category_id: 1,
+                bounds: Bounds::from(bounds),
+                area: Bounds::from(bounds).area(),
+                crowd: crowd || ignore && !is_judged,
+                ignore: false,
+                attributes: Default::default(),
+                unclipped: None,
+            });
+            DataSet {
+                images: [1, 2].map(|id| Image { id, ..Image::default() }).into(),
+                categories: vec![Category { id: 1, name: "car".to_owned(), ..Category::default() }],
+                annotations: objects.collect(),
+                ..DataSet::default()
+            }
+        };
+        let near = |found: [Option<f64>; 4], wanted: [f64; 4]| {
+            let is_near = |(found, wanted): (Option<f64>, f64)| (found.unwrap() - wanted).abs() < 1e-12;
+            assert!(found.into_iter().zip(wanted).all(is_near), "{found:?}, reference {wanted:?}");
+        };
+        let figures = |coco: &CocoSummary| [coco.ap, coco.ap50, coco.ap75, coco.ar100];
+        let (ours, filed) = (data(false), data(true));
+        near(figures(&Scores::of(&ours, &found).coco), [0.8252475247524752, 1.0, 1.0, 0.85]);
+        let theirs = Pycocotools::of(&ours, &filed, &found).unwrap();
+        assert_eq!((theirs.overhanging, theirs.ignored), (0, 2));
+        near(figures(&theirs.coco), [0.6171617161716171, 0.9504950495049505, 0.5709570957095709, 0.725]);
+        // Where both judge the same objects, one set of numbers is enough.
+        assert!(Pycocotools::of(&ours, &ours, &found).is_none());
     }
 }

@@ -311,10 +311,18 @@ pub(super) fn truth(data: &DataSet, objects: &[usize], classes: &Classes) -> Tru
     truth
 }
 
-/// The data set with the classes of a detector for categories: class `c` has the number `c + 1`. Boxes and areas stay. A crowd, an object to be
-/// ignored and a box thinner than a pixel are crowds of their class, as pycocotools has them class by class; a traffic light of unknown state is
-/// one of every class. Everything that is not looked for is left out.
-pub fn in_classes(data: &DataSet, classes: &Classes) -> DataSet {
+/// Which objects of a data set are judged. All others are regions in which no detection of their class is a mistake.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Judged {
+    /// All but crowds, objects to be ignored and boxes thinner than a pixel.
+    Clear,
+    /// All but crowds: pycocotools looks at `iscrowd` alone.
+    AllButCrowds,
+}
+
+/// The data set with the classes of a detector for categories: class `c` has the number `c + 1`. Boxes and areas stay. What is not judged is a crowd
+/// of its class; a traffic light of unknown state is one of every class. Everything that is not looked for is left out.
+pub fn in_classes(data: &DataSet, classes: &Classes, judged: Judged) -> DataSet {
     let mut annotations: Vec<Annotation> = Vec::new();
     for annotation in data.objects_of_images().iter().flatten().map(|k| &data.annotations[*k]) {
         let Some(category) = data.category(annotation.category_id) else { continue };
@@ -323,9 +331,10 @@ pub fn in_classes(data: &DataSet, classes: &Classes) -> DataSet {
             Named::Unknown => (0..classes.len(), true),
             Named::Other => continue,
         };
+        let is_unclear = judged == Judged::Clear && (annotation.ignore || annotation.bounds.is_thin());
         annotations.extend(taken.map(|class| Annotation {
             category_id: class as u64 + 1,
-            crowd: is_unknown || annotation.crowd || annotation.ignore || annotation.bounds.is_thin(),
+            crowd: is_unknown || annotation.crowd || is_unclear,
             ignore: false,
             attributes: BTreeMap::new(),
             unclipped: None,
@@ -607,13 +616,18 @@ mod tests {
             ],
             ..DataSet::default()
         };
-        let ours = in_classes(&data, &people_and_vehicles());
+        let ours = in_classes(&data, &people_and_vehicles(), Judged::Clear);
         let seen: Vec<_> =
             ours.annotations.iter().map(|a| (a.id, a.image_id, a.category_id, a.bounds.x, a.crowd)).collect();
         let expected =
             [(1, 5, 1, 1.0, false), (2, 5, 2, 3.0, false), (3, 5, 2, 4.0, true), (4, 5, 1, 6.0, true)];
         assert_eq!(seen, expected);
         assert!(ours.annotations.iter().all(|a| a.area == 20.0 && !a.ignore));
+        // For pycocotools an object to be ignored is one like others.
+        let theirs = in_classes(&data, &people_and_vehicles(), Judged::AllButCrowds);
+        let crowds: Vec<bool> = theirs.annotations.iter().map(|a| a.crowd).collect();
+        assert_eq!(crowds, [false, false, true, false]);
+        assert!(theirs.annotations.iter().all(|a| !a.ignore));
         assert_eq!(
             ours.categories.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(),
             ["pedestrian", "vehicle"]

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use crate::base::csv_text;
 use crate::cli::code::Code;
-use crate::jobs::detect::{self, BackboneKind, Overhanging, Request, Scores, Seen, Source, Weights};
+use crate::jobs::detect::{self, BackboneKind, Pycocotools, Request, Scores, Seen, Source, Weights};
 use clap::ValueEnum;
 
 use super::defaults::word;
@@ -163,12 +163,22 @@ fn print_scores(scores: &Scores) {
     outln!("AP    {}{}", number(coco.ap), range(scores.ap_range));
     outln!("AP50  {}{}", number(coco.ap50), range(scores.ap50_range));
     outln!("AP75  {}", number(coco.ap75));
-    if let Some(Overhanging { boxes, coco }) = &scores.overhanging {
+    if let Some(Pycocotools { overhanging, ignored, coco }) = &scores.pycocotools {
         let [ap, half, tight] = [coco.ap, coco.ap50, coco.ap75].map(number);
         outln!("AP of pycocotools  {ap}, AP50 {half}, AP75 {tight}");
-        outln!(
-            "                   {boxes} boxes reach out of their picture: pycocotools takes them whole, all other figures the part inside"
-        );
+        let reasons = [
+            (
+                *overhanging,
+                "boxes reach out of their picture: pycocotools takes them whole, all other figures the part inside",
+            ),
+            (
+                *ignored,
+                "objects have `ignore` or are thinner than a pixel: pycocotools judges them, all other figures do not",
+            ),
+        ];
+        for (count, reason) in reasons.iter().filter(|(count, _)| *count > 0) {
+            outln!("                   {count} {reason}");
+        }
     }
     let sizes = |of: [Option<f64>; 3]| {
         let [small, medium, large] = of.map(number);

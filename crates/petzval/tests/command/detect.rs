@@ -212,6 +212,11 @@ fn a_run_that_looks_for_objects_is_scored_again_reported_and_lends_its_detector(
     std::fs::write(root.join("known.json"), known.to_string()).unwrap();
     let missed = run_ok(root, &[&args[..], &["--json"]].concat()).json()["scores"]["coco"].clone();
     assert!(missed["ar100"].as_f64().unwrap() < 0.999 && missed["ap"].as_f64().unwrap() < 1.0, "{missed}");
+    // An object to be ignored is not judged, but pycocotools looks at `iscrowd` alone.
+    known["annotations"][0]["ignore"] = 1.into();
+    std::fs::write(root.join("known.json"), known.to_string()).unwrap();
+    let said = run_ok(root, &args).stdout;
+    assert!(said.contains("AP of pycocotools") && said.contains("objects have `ignore`"), "{said}");
 
     // A raw frame of its sensor is developed by the camera, as `apply` does it, and looked at.
     let photo = common::data("photos/coffee.png").display().to_string();
