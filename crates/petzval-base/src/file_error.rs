@@ -126,7 +126,7 @@ impl FileError {
                 (path.to_owned(), format!("\"{unknown}\": this key takes {}", takes.join(" or ")), hint)
             }
             _ if message.starts_with("invalid type") || message.starts_with("invalid length") => {
-                let (message, hint) = of_type(message);
+                let (message, hint) = of_type(message, u64::MAX.into());
                 // The hint of the reader is that of a file.
                 let below =
                     (!path.is_empty()).then(|| format!("it holds keys: name one of them, `{path}.KEY`"));
@@ -138,7 +138,7 @@ impl FileError {
                 (path.to_owned(), message.replace("a table", "an object"), hint)
             }
             Some((value, _)) if message.starts_with("invalid value: integer") => {
-                let (message, hint) = of_type(message);
+                let (message, hint) = of_type(message, u64::MAX.into());
                 (path.to_owned(), format!("{value}: {message}"), hint.map(str::to_owned))
             }
             _ => (path.to_owned(), message.to_owned(), None),
@@ -178,8 +178,11 @@ impl FileError {
                 Self::at(text, span.clone(), key(span.start), "expected text in quotes")
                     .hint("put the value in quotes")
             }
+            _ if BEYOND_64_BITS.iter().any(|end| message.ends_with(end)) => {
+                Self::at(text, span.clone(), key(span.start), WHOLE_NUMBERS_OF_TOML).hint(SMALLER_NUMBER)
+            }
             _ if message.starts_with("invalid") => {
-                let (message, hint) = of_type(&message);
+                let (message, hint) = of_type(&message, i64::MAX.into());
                 if let Some(path) = header_to(text, &span).filter(|_| message.ends_with("found a table")) {
                     let name = path.rsplit('.').next().unwrap_or(path);
                     let error = Self::at(text, span.clone(), name, message).without_value();
@@ -202,13 +205,59 @@ fn header_to<'t>(text: &'t str, span: &Range<usize>) -> Option<&'t str> {
     path.starts_with(|c: char| c.is_ascii_alphabetic()).then_some(path)
 }
 
+/// How the reader of TOML ends a message about a whole number that 64 bits with a sign cannot hold.
+const BEYOND_64_BITS: [&str; 3] =
+    ["u64 value was too large", "integer number overflowed", "expected any valid TOML value"];
+
+/// Which whole numbers a file of TOML, and so an experiment, can hold.
+pub const WHOLE_NUMBERS_OF_TOML: &str =
+    "TOML holds whole numbers from -9223372036854775808 to 9223372036854775807";
+
+/// What to write in place of a whole number that is too large.
+pub const SMALLER_NUMBER: &str = "write a smaller whole number";
+
+/// The least and the largest whole number of a type of Rust; `None` for all other types.
+fn ends_of(integer: &str) -> Option<(i128, i128)> {
+    Some(match integer {
+        "u8" => (0, u8::MAX.into()),
+        "u16" => (0, u16::MAX.into()),
+        "u32" => (0, u32::MAX.into()),
+        "u64" | "usize" => (0, u64::MAX.into()),
+        "i8" => (i8::MIN.into(), i8::MAX.into()),
+        "i16" => (i16::MIN.into(), i16::MAX.into()),
+        "i32" => (i32::MIN.into(), i32::MAX.into()),
+        "i64" | "isize" => (i64::MIN.into(), i64::MAX.into()),
+        _ => return None,
+    })
+}
+
+/// Message and hint about a whole number outside the type `wanted`, of which the message of serde `found` quotes the value; `None` for all others.
+/// `largest` is the largest whole number of the kind of file. A negative number where none may be is of the wrong type.
+fn beyond_ends(found: &str, wanted: &str, largest: i128) -> Option<(String, &'static str)> {
+    let (low, high) = ends_of(wanted).map(|(low, high)| (low, high.min(largest)))?;
+    let value = found.split('`').nth(1)?;
+    // A reader of JSON makes a number with a decimal point of what 64 bits cannot hold.
+    let as_float = || value.parse::<f64>().ok().filter(|value| value.fract() == 0.0);
+    let value = value.parse::<i128>().ok().or_else(|| as_float().map(|value| value as i128))?;
+    let hint = match value {
+        value if value > high => SMALLER_NUMBER,
+        value if value < low && low < 0 => "write a larger whole number",
+        _ => return None,
+    };
+    Some((format!("must lie between {low} and {high}"), hint))
+}
+
 /// A message of the TOML reader about the type of a value, in the words of a file: numbers, texts, lists and tables in place of
-/// `usize`, `string`, `sequence` and `map`; and what to write instead, where the type alone says it.
-fn of_type(message: &str) -> (String, Option<&'static str>) {
+/// `usize`, `string`, `sequence` and `map`; and what to write instead, where the type alone says it. `largest` is the largest whole number that the
+/// kind of file holds.
+fn of_type(message: &str, largest: i128) -> (String, Option<&'static str>) {
     let parts = message.split_once(": ").or(message.split_once("length "));
     let Some((found, wanted)) = parts.and_then(|(_, rest)| rest.rsplit_once(", expected ")) else {
         return (message.to_owned(), None);
     };
+    if let Some((message, hint)) = beyond_ends(found, wanted, largest) {
+        return (message, Some(hint));
+    }
     let hint = match wanted {
         "usize" | "u64" | "u32" | "u16" | "u8" => Some("write a whole number without quotes, 0 or more"),
         "isize" | "i64" | "i32" | "i16" | "i8" => Some("write a whole number without quotes"),
@@ -412,11 +461,57 @@ mod tests {
                 "`trials`: -1: expected a number from 0 without a decimal point",
                 Some("write a whole number without quotes, 0 or more"),
             ),
+            (
+                "values",
+                "invalid value: integer `70000`, expected u16",
+                "`values`: 70000: must lie between 0 and 65535",
+                Some("write a smaller whole number"),
+            ),
+            (
+                "step",
+                "invalid value: integer `-129`, expected i8",
+                "`step`: -129: must lie between -128 and 127",
+                Some("write a larger whole number"),
+            ),
+            (
+                "seed",
+                "invalid type: floating point `1e20`, expected u64",
+                "`seed`: must lie between 0 and 18446744073709551615",
+                Some("write a smaller whole number"),
+            ),
+            (
+                "seed",
+                "invalid type: floating point `3.0`, expected u64",
+                "`seed`: expected a number from 0 without a decimal point, found a number with a decimal point",
+                Some("write a whole number without quotes, 0 or more"),
+            ),
         ] {
             let error = FileError::of_value(path, message);
             assert_eq!(error.hint.as_deref(), hint);
             assert_eq!(FileError { hint: None, ..error }.to_string(), says);
         }
+    }
+
+    #[test]
+    fn a_number_beyond_its_type_gets_the_ends_of_the_type() {
+        #[derive(Debug, serde::Deserialize)]
+        #[allow(dead_code, reason = "only errors are looked at")]
+        struct File {
+            seed: Option<u64>,
+            values: Option<Vec<u16>>,
+        }
+        for (text, says) in [
+            ("values = [7, 12, 70000]", "must lie between 0 and 65535"),
+            ("seed = 99999999999999999999", "must lie between 0 and 9223372036854775807"),
+            ("seed = -1", "expected a number from 0 without a decimal point"),
+        ] {
+            let error = FileError::from_toml(text, &toml::from_str::<File>(text).unwrap_err());
+            assert!(error.message == says && error.line == Some(1) && error.hint.is_some(), "{error}");
+        }
+        // A table of TOML has whole numbers with a sign alone.
+        let text = "a = 1\nseed = 18446744073709551615";
+        let error = FileError::from_toml(text, &toml::from_str::<toml::Table>(text).unwrap_err());
+        assert_eq!((error.message.as_str(), error.line), (super::WHOLE_NUMBERS_OF_TOML, Some(2)));
     }
 
     #[test]

@@ -44,7 +44,7 @@ pub use at_path::{InFile, IoError};
 pub use cancel::{Cancel, Cancelled};
 pub use counted::counted;
 pub use csv_text::{csv_number, csv_text};
-pub use file_error::{FileError, nearest, quote, reason_and_hint};
+pub use file_error::{FileError, SMALLER_NUMBER, WHOLE_NUMBERS_OF_TOML, nearest, quote, reason_and_hint};
 pub use hex::hex;
 pub use part::{LONGEST_NAME, PartFolder, sweep_parts, sweep_parts_in};
 pub use pasted::{is_obeyed, pasted};

@@ -1,5 +1,6 @@
 //! Settings as words of a command line: `key=value`, where the value is TOML.
 
+use petzval_base::{SMALLER_NUMBER, WHOLE_NUMBERS_OF_TOML};
 use petzval_design::experiment::Settings;
 use serde_json::Value;
 
@@ -28,8 +29,8 @@ struct NoValue {
     hint: &'static str,
 }
 
-/// A value as JSON: TOML, or else the text itself. Fails for what begins as a list, a table or a text of TOML and is none, and for numbers that
-/// are not finite.
+/// A value as JSON: TOML, or else the text itself. Fails for what begins as a list, a table or a text of TOML and is none, for numbers that are not
+/// finite, and for whole numbers that TOML cannot hold.
 fn value_of(text: &str) -> Result<Value, NoValue> {
     const NO_TOML: NoValue = NoValue {
         message: "the value is no TOML",
@@ -48,8 +49,25 @@ fn value_of(text: &str) -> Result<Value, NoValue> {
             hint: "write a number such as 4 or 1e-3",
         }),
         Some(value) => serde_json::to_value(value).map_err(|_| NO_TOML),
+        None if has_number_beyond_toml(text) => {
+            Err(NoValue { message: WHOLE_NUMBERS_OF_TOML, hint: SMALLER_NUMBER })
+        }
         None if text.starts_with(['[', '{', '"', '\'']) => Err(NO_TOML),
         None => Ok(text.into()),
+    }
+}
+
+/// Whether a text is a whole number that TOML cannot hold, or a list with one.
+fn has_number_beyond_toml(text: &str) -> bool {
+    let is_beyond = |word: &str| {
+        let plain = word.trim().replace('_', "");
+        let digits = plain.strip_prefix(['+', '-']).unwrap_or(&plain);
+        let is_whole = !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit());
+        is_whole && plain.parse::<i64>().is_err()
+    };
+    match text.strip_prefix('[') {
+        Some(list) => list.split(['[', ']', ',']).any(is_beyond),
+        None => is_beyond(text),
     }
 }
 
@@ -106,6 +124,9 @@ mod tests {
             (&["a=[1, nan]"], "is not finite"),
             (&["a=nan"], "is not finite"),
             (&["a=-inf"], "is not finite"),
+            (&["a=18446744073709551615"], "TOML holds whole numbers from"),
+            (&["a=-9_223_372_036_854_775_809"], "TOML holds whole numbers from"),
+            (&["a=[1, 99999999999999999999]"], "TOML holds whole numbers from"),
             (&["a=1", "a=2"], "set twice"),
         ] {
             let error = read(words).unwrap_err();

@@ -147,7 +147,11 @@ impl Default for Experiment {
 impl Experiment {
     /// Reads an experiment without a check. Errors name line, key, value and a hint.
     pub(crate) fn read(text: &str) -> Result<Self, FileError> {
-        toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))
+        let wrong = |e: toml::de::Error| FileError::from_toml(text, &e);
+        let read = toml::from_str(text).map_err(wrong)?;
+        // A run writes its experiment as TOML, which cannot hold every number of 64 bits without a sign.
+        toml::from_str::<toml::Table>(text).map_err(wrong)?;
+        Ok(read)
     }
 
     /// The classes of its task.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use petzval_base::{FileError, nearest, quote};
+use petzval_base::{FileError, SMALLER_NUMBER, WHOLE_NUMBERS_OF_TOML, nearest, quote};
 use serde_json::Value as Json;
 use toml::Value;
 
@@ -127,14 +127,28 @@ fn add_leaves(
             add_leaves(setting, below, value, leaves)
         });
     }
-    let value = Value::try_from(value).map_err(|_| WrongSetting {
-        setting: setting.to_owned(),
-        message: "this is no value of an experiment".to_owned(),
-        hint: "give a text, a number, true, false, or a list of them; leave the key out in place of null"
-            .to_owned(),
+    let value = Value::try_from(value).map_err(|_| {
+        let (message, hint) = if has_number_beyond_toml(value) {
+            (WHOLE_NUMBERS_OF_TOML, SMALLER_NUMBER)
+        } else {
+            (
+                "this is no value of an experiment",
+                "give a text, a number, true, false, or a list of them; leave the key out in place of null",
+            )
+        };
+        WrongSetting { setting: setting.to_owned(), message: message.to_owned(), hint: hint.to_owned() }
     })?;
     leaves.push(Leaf { setting: setting.to_owned(), path, value });
     Ok(())
+}
+
+/// Whether a value, or one in its list, is a whole number that TOML cannot hold.
+fn has_number_beyond_toml(value: &Json) -> bool {
+    match value {
+        Json::Number(number) => number.is_u64() && !number.is_i64(),
+        Json::Array(values) => values.iter().any(has_number_beyond_toml),
+        _ => false,
+    }
 }
 
 /// Puts a value at a path of keys, and makes the tables that lead to it. Lists that are not there are taken from `whole`. Returns the path with
@@ -308,6 +322,12 @@ mod tests {
             ),
             (json!({"seed.x": 1}), "seed.x=1", "`x` cannot lie below 4", "that key holds a value"),
             (json!({"psf": {"grid": 64}, "psf.grid": 32}), "psf.grid=32", "sets the same key", "once"),
+            (
+                json!({"seed": u64::MAX}),
+                "seed=18446744073709551615",
+                "TOML holds whole numbers from",
+                "write a smaller whole number",
+            ),
             (json!({"seed": null}), "seed=null", "no value of an experiment", "in place of null"),
             (json!({"psf..grid": 1}), "psf..grid=1", "an empty part", "training.steps"),
         ] {
@@ -316,6 +336,13 @@ mod tests {
             assert!(wrong.message.contains(message), "{wrong}");
             assert!(wrong.hint.contains(hint), "{wrong}");
         }
+    }
+
+    #[test]
+    fn a_seed_that_a_run_could_not_write_is_refused_at_its_line() {
+        let error = Experiment::read("lens = \"a\"\nseed = 18446744073709551615\n").unwrap_err();
+        assert_eq!((error.line, error.key.as_str()), (Some(2), "seed"));
+        assert!(error.message.contains("TOML holds whole numbers") && error.hint.is_some(), "{error}");
     }
 
     #[test]

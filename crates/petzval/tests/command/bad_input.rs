@@ -62,6 +62,11 @@ fn experiments() {
             "batch = \"one\"",
             &["`batch = \"one\"`: expected a number from 0", "found a text", "help: write a whole number"],
         ),
+        case(
+            "batch = 1",
+            "batch = 99999999999999999999",
+            &["must lie between 0 and 9223372036854775807", "help: write a smaller whole number"],
+        ),
         case("batch = 1", "batch = 1.5", &["`batch = 1.5`", "without a decimal point, found a number with"]),
         case(
             "time_s = 0.005",
