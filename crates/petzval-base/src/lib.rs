@@ -16,6 +16,7 @@
 //! | [`simd`] | chooses the instruction set of the vector kernels |
 //! | [`random`] | random numbers as a function of seed, frame, stage and place |
 //! | [`counted`] | a number with its noun |
+//! | [`time_text`] | a time in hours, minutes or seconds |
 //! | [`pasted`] | a path as a word of a shell |
 //! | [`hex`] | bytes in hexadecimal digits |
 //! | [`csv_text`] | a table as comma-separated values |
@@ -37,6 +38,7 @@ pub mod simd;
 pub mod statistics;
 pub mod table;
 mod tally;
+mod time_text;
 mod whole_file;
 mod work_lock;
 
@@ -49,5 +51,6 @@ pub use hex::hex;
 pub use part::{LONGEST_NAME, PartFolder, sweep_parts, sweep_parts_in};
 pub use pasted::{is_obeyed, pasted};
 pub use tally::Tally;
+pub use time_text::time_text;
 pub use whole_file::{create_whole, open_file, read_at_most, read_text, read_whole, write_whole};
 pub use work_lock::WorkLock;

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use petzval_base::time_text;
 use petzval_design::inputs::{SetupFor, check_parts_or_accepted, setup_of_run};
 use petzval_design::report::comparison::{ComparedDifference, Comparison, compare, comparison_csv};
 use petzval_design::report::run_report::report_of_run;
@@ -152,11 +153,11 @@ fn group(comparison: &Comparison, context: &Context) -> Result<Group> {
     let seeds: Vec<String> = comparison.seeds.iter().map(u64::to_string).collect();
     let memory = comparison.memory_gb.map_or_else(String::new, |gb| format!(", at most {gb:.2} GB"));
     let subtitle = format!(
-        "{} {}; {} steps of network or ISP; {:.2} hours in all{memory}.",
+        "{} {}; {} steps of network or ISP; {} in all{memory}.",
         if seeds.len() == 1 { "Seed" } else { "Seeds" },
         seeds.join(", "),
         comparison.steps,
-        comparison.hours
+        time_text(3600.0 * comparison.hours)
     );
     let (title, answer) = (comparison.title.clone(), answer(comparison));
     Ok(Group { title, answer, subtitle, tables: tables(comparison), report })

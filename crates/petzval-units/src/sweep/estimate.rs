@@ -27,8 +27,8 @@ const STORE: &str = "store.json";
 pub struct Estimate {
     /// Units whose result is there already.
     pub done: usize,
-    /// CPU hours of the units that are left.
-    pub cpu_hours: f64,
+    /// CPU time of the units that are left, s.
+    pub cpu_seconds: f64,
     /// Disk space of the units that are left, GB.
     pub disk_gb: f64,
     /// What the estimate was made from, in words.
@@ -55,7 +55,7 @@ pub fn estimate(plan: &Plan, kept: &KeptSweep, store: &Path, context: &Context) 
         let left = (all - done) as f64;
         return Ok(Some(Estimate {
             done,
-            cpu_hours: left * mean(|cost| cost.0) / 3600.0,
+            cpu_seconds: left * mean(|cost| cost.0),
             disk_gb: left * mean(|cost| cost.1 as f64) / 1e9,
             basis: format!("the mean of {done} finished units"),
         }));
@@ -68,7 +68,7 @@ pub fn estimate(plan: &Plan, kept: &KeptSweep, store: &Path, context: &Context) 
     }
     Ok(Some(Estimate {
         done,
-        cpu_hours: seconds / 3600.0,
+        cpu_seconds: seconds,
         disk_gb: all as f64 * timed.bytes as f64 / 1e9,
         basis: format!("the unit `{}` with {STEPS} network steps, timed here", first.name),
     }))

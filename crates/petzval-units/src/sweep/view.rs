@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use petzval_base::nearest;
+use petzval_base::{nearest, time_text};
 use petzval_design::run::picture_names::file_name;
 use petzval_jobs::{JobError, Result};
 use petzval_report::capitalised;
@@ -56,10 +56,10 @@ pub fn view(gathered: &Gathered, choice: &Choice, again: &str) -> Result<SweepVi
     Ok(SweepView {
         title: gathered.title.clone(),
         subtitle: format!(
-            "{} units: {}. CPU time so far {:.2} hours.",
+            "{} units: {}. CPU time so far: {}.",
             gathered.status.units.len(),
             gathered.status.in_words(),
-            cpu / 3600.0
+            time_text(cpu)
         ),
         answer: answer(gathered, &shown),
         constant: constant_figures(gathered, &shown),

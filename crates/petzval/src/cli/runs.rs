@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use crate::base::time_text;
 use crate::cli::code::Code;
 use crate::units::runs::{RunRow, RunState, Runs, USUAL_FOLDER, runs_in};
 
@@ -68,7 +69,7 @@ fn in_words(runs: &Runs, args: &Args) -> String {
         if let Some(reason) = &row.reason {
             reasons += &format!("{name}: {reason}\n");
         }
-        table.row([name, state, steps(row), time(row.seconds), scores(row), differs(row, runs)]);
+        table.row([name, state, steps(row), time_text(row.seconds), scores(row), differs(row, runs)]);
     }
     for unit in &runs.units {
         // A store that cannot be read has no units.
@@ -116,21 +117,6 @@ fn steps(row: &RunRow) -> String {
     }
 }
 
-/// Seconds as hours and minutes.
-pub(super) fn time(seconds: f64) -> String {
-    // The sum of no steps is -0.
-    let seconds = if seconds > 0.0 { seconds } else { 0.0 };
-    let whole = seconds.round() as u64;
-    let (hours, minutes) = (whole / 3600, whole / 60 % 60);
-    if hours > 0 {
-        format!("{hours} h {minutes:02} min")
-    } else if minutes > 0 {
-        format!("{minutes} min {:02} s", whole % 60)
-    } else {
-        format!("{seconds:.1} s")
-    }
-}
-
 fn scores(row: &RunRow) -> String {
     let values: Vec<String> =
         row.scores.iter().map(|score| format!("{} {:.*}", score.name, score.decimals, score.value)).collect();
@@ -148,19 +134,5 @@ fn differs(row: &RunRow, runs: &Runs) -> String {
     match row.differs.len().saturating_sub(NAMED) {
         0 => named.join(" "),
         more => format!("{} and {more} more", named.join(" ")),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::time;
-
-    #[test]
-    fn times_are_not_below_zero() {
-        for (seconds, text) in
-            [(-0.0, "0.0 s"), (-3.0, "0.0 s"), (6.14, "6.1 s"), (59.96, "1 min 00 s"), (3725.0, "1 h 02 min")]
-        {
-            assert_eq!(time(seconds), text);
-        }
     }
 }

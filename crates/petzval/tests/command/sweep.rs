@@ -271,6 +271,8 @@ fn a_sweep_of_a_job_is_run_here_gathered_and_a_failed_unit_run_again() {
     let page = run_ok(folder.path(), &["sweep", "gather", "sweeps/t"]).stdout;
     assert!(page.contains("1 of 2 units: 1 done, 1 failed\n") && page.contains("\nfield=400.0: "), "{page}");
     let html = read(&folder.path().join("sweeps/t/sweep.html"));
+    // Units of seconds are no hundredth of an hour.
+    assert!(html.contains("CPU time so far: ") && !html.contains("0.00 hours"), "{html}");
     assert!(
         html.contains("Failed units") && html.contains("--retry &#39;field=400.0&#39;")
             || html.contains("--retry 'field=400.0'"),

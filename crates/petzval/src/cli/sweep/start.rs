@@ -4,7 +4,7 @@ use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::base::{counted, pasted};
+use crate::base::{counted, pasted, time_text};
 use crate::jobs::{Context, JobError};
 use crate::units::sweep::{
     Engine, KeptSweep, Plan, Source, Submission, USUAL_JOBS, USUAL_TIME, estimate, keep_scripts, keyed, plan,
@@ -153,7 +153,7 @@ fn dry_run(plan: &Plan, kept: &KeptSweep, root: &Path, context: &Context) -> Res
             if estimate.done > 0 {
                 outln!("finished already: {}", estimate.done);
             }
-            outln!("CPU time: {:.2} hours, by {}", estimate.cpu_hours, estimate.basis);
+            outln!("CPU time: {}, by {}", time_text(estimate.cpu_seconds), estimate.basis);
             outln!("disk: {:.3} GB", estimate.disk_gb);
         }
         None => outln!("CPU time and disk: not known before a unit of the job `{}` is finished", plan.job),

@@ -3,14 +3,13 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use crate::base::Cancel;
+use crate::base::{Cancel, time_text};
 use crate::units::store::Seen;
 use crate::units::sweep::{KeptSweep, State, SweepStatus, UnitStatus, status};
 
 use super::super::code::Code;
 use super::super::failure::Failure;
 use super::super::plain;
-use super::super::runs::time;
 use super::super::signals;
 use super::super::terminal::print_json;
 use super::super::text_table::TextTable;
@@ -69,7 +68,7 @@ fn in_words(now: &SweepStatus, all: bool) -> String {
     for unit in now.units.iter().filter(is_shown) {
         shown += 1;
         let attempt = if unit.attempt == 0 { "-".to_owned() } else { unit.attempt.to_string() };
-        let seconds = unit.seconds.map_or_else(|| "-".to_owned(), time);
+        let seconds = unit.seconds.map_or_else(|| "-".to_owned(), time_text);
         table.row([unit.name.clone(), unit.state.word().to_owned(), attempt, seconds, unit.holder.clone()]);
     }
     let table = if shown > 0 { table.text() } else { String::new() };
