@@ -186,6 +186,9 @@ mod tests {
         assert!(class("name = \"a b\"\n").contains("no name of a class"));
         assert!(class("name = \"red\"\nstate = \"blue\"\n").contains("red, yellow, green or off"));
         assert!(class("name = \"a\"\nfrm = [\"b\"]\n").contains("frm"));
+        // The example of a score is one of the task.
+        let unscored = class("name = \"a\"\n[scoring]\nscores = []\n");
+        assert!(unscored.contains("for example [\"ap50\"]"), "{unscored}");
     }
 
     /// Of a new experiment: a run of an earlier version may have the key.

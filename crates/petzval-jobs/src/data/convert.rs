@@ -5,17 +5,36 @@ use std::path::{Component, Path, PathBuf};
 use petzval_files::coco::convert::{SourceFormat, convert};
 use petzval_files::coco::{ANNOTATIONS, Defect, Statistics, save_coco};
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::de::{Error as _, IntoDeserializer};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, Result, make_folder};
+
+/// Why there is no conversion from [COCO](is_coco), and what to do in its place.
+pub const NO_CONVERSION: &str = "COCO needs no conversion: every verb reads it, and `petzval data check FOLDER` says whether it can be used";
+
+/// Whether the name of a format is that of the format which a conversion makes.
+pub fn is_coco(format: &str) -> bool {
+    format.eq_ignore_ascii_case("coco")
+}
+
+/// Reads a format that can be converted.
+fn source_format<'de, D: Deserializer<'de>>(word: D) -> Result<SourceFormat, D::Error> {
+    let word = String::deserialize(word)?;
+    if is_coco(&word) {
+        return Err(D::Error::custom(NO_CONVERSION));
+    }
+    SourceFormat::deserialize(word.as_str().into_deserializer())
+}
 
 /// A data set to convert.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// Its format.
+    #[serde(deserialize_with = "source_format")]
     pub format: SourceFormat,
     /// Its folder; of BDD100K also a file.
     pub input: PathBuf,
@@ -119,4 +138,24 @@ fn place(source: &Path, target: &Path, copy: bool) -> Result<bool> {
     }
     std::fs::copy(&source, target).map_err(failed)?;
     Ok(false)
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn coco_is_no_misspelt_format() {
+        let read = |format: &str| {
+            let request = json!({"format": format, "input": "in", "out": "out"});
+            serde_json::from_value::<Request>(request).map_err(|error| error.to_string())
+        };
+        assert_eq!(read("yolo").unwrap().format, SourceFormat::Yolo);
+        for word in ["coco", "COCO"] {
+            assert!(read(word).unwrap_err().contains("needs no conversion"), "{word}");
+        }
+        assert!(read("yol").unwrap_err().starts_with("unknown variant `yol`, expected one of"));
+    }
 }

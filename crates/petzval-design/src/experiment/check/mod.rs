@@ -155,7 +155,8 @@ fn scores_are_named_once(c: &Checked) -> Result<(), FileError> {
     let scores = &c.experiment.scoring.scores;
     let path = ["scoring", "scores"];
     if scores.is_empty() {
-        return Err(c.at(&path, "names no score").hint("for example [\"psnr_db\"]"));
+        let first = c.facts.default_scores.and_then(|scores| scores.first()).unwrap_or(&"psnr_db");
+        return Err(c.at(&path, "names no score").hint(format!("for example [\"{first}\"]")));
     }
     match scores.iter().enumerate().find(|(i, name)| scores[..*i].contains(name)) {
         Some((_, name)) => Err(c.at(&path, format!("`{name}` is named twice")).hint("name each score once")),

@@ -1,6 +1,11 @@
 //! `petzval data convert`: a data set of another format in COCO format.
 
+use std::ffi::OsStr;
 use std::path::PathBuf;
+
+use clap::builder::{PossibleValue, TypedValueParser};
+use clap::error::ErrorKind;
+use clap::{Arg, Command};
 
 use crate::jobs::data::SourceFormat;
 use crate::jobs::data::convert::{self, Request};
@@ -22,7 +27,7 @@ use crate::cli::terminal::{Terminal, print_json};
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Format of IN
-    #[arg(value_parser = choice::<SourceFormat>())]
+    #[arg(value_parser = Formats(choice::<SourceFormat>()))]
     format: SourceFormat,
     /// Folder of the data set; for bdd100k also its JSON file
     #[arg(value_name = "IN")]
@@ -40,6 +45,31 @@ pub struct Args {
     /// Print what was written as JSON
     #[arg(long)]
     json: bool,
+}
+
+/// Reads a format, and says of COCO that it needs no conversion: no other word is near it.
+#[derive(Clone)]
+struct Formats<P>(P);
+
+impl<P: TypedValueParser<Value = SourceFormat>> TypedValueParser for Formats<P> {
+    type Value = SourceFormat;
+
+    fn parse_ref(
+        &self,
+        command: &Command,
+        arg: Option<&Arg>,
+        value: &OsStr,
+    ) -> Result<SourceFormat, clap::Error> {
+        if value.to_str().is_some_and(convert::is_coco) {
+            let error = clap::Error::raw(ErrorKind::InvalidValue, format!("{}\n", convert::NO_CONVERSION));
+            return Err(error.with_cmd(command));
+        }
+        self.0.parse_ref(command, arg, value)
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        self.0.possible_values()
+    }
 }
 
 /// Runs the verb.
