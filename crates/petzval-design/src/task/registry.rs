@@ -186,6 +186,8 @@ mod tests {
         assert!(class("name = \"a b\"\n").contains("no name of a class"));
         assert!(class("name = \"red\"\nstate = \"blue\"\n").contains("red, yellow, green or off"));
         assert!(class("name = \"a\"\nfrm = [\"b\"]\n").contains("frm"));
+        let twice = class("name = \"a\"\ncategories = [3]\n[[class]]\nname = \"b\"\ncategories = [3]\n");
+        assert!(twice.contains("line 7") && twice.contains("category 3 is of the class `a`, too"), "{twice}");
         // The example of a score is one of the task.
         let unscored = class("name = \"a\"\n[scoring]\nscores = []\n");
         assert!(unscored.contains("for example [\"ap50\"]"), "{unscored}");

@@ -108,6 +108,30 @@ impl Classes {
         self.iter().position(|class| is_of(class) && class.state.as_ref().is_none_or(shows))
     }
 
+    /// The first word or number of categories that an earlier class takes wherever a later one names it. Classes may share it if the earlier one is of
+    /// another state of a light, or refuses words that the later one does not.
+    pub fn repeated_claim(&self) -> Option<RepeatedClaim> {
+        for (second, later) in self.iter().enumerate() {
+            for (first, earlier) in self[..second].iter().enumerate() {
+                if earlier.state.is_some() && earlier.state != later.state {
+                    continue;
+                }
+                let number = later.categories.iter().find(|id| earlier.categories.contains(id));
+                let is_refused_there = earlier.not.iter().any(|word| !later.not.contains(word));
+                let has = |word: &&str| earlier.names().any(|other| are_one_name(word, other));
+                let word = later.names().find(has).filter(|_| !is_refused_there);
+                let of_words = if later.from.is_empty() { "name" } else { "from" };
+                let claim = number
+                    .map(|id| ("categories", format!("category {id}")))
+                    .or_else(|| word.map(|word| (of_words, format!("`{word}`"))));
+                if let Some((key, what)) = claim {
+                    return Some(RepeatedClaim { first, second, key, what });
+                }
+            }
+        }
+        None
+    }
+
     /// Those whose pixels count: they have numbers in maps of classes, and logits.
     pub fn counted(&self) -> Self {
         self.iter().filter(|class| !class.ignored).cloned().collect::<Vec<_>>().into()
@@ -175,11 +199,35 @@ impl Classes {
 }
 
 impl ObjectClass {
+    /// Whether a category can be of this class: by its number, or by its name, also by the bare state of a light.
+    fn may_take(&self, category: &Category) -> bool {
+        let name = Name::of(&category.name);
+        let shows = || light_state(&name.in_words()).map(|state| LIGHT_STATES[state]);
+        let is_state =
+            || name.is_state_alone() && self.state.as_deref().is_some_and(|own| shows() == Some(own));
+        let is_refused = || self.not.iter().any(|word| name.has(word));
+        self.categories.contains(&category.id)
+            || !is_refused() && (self.names().any(|word| name.has(word)) || is_state())
+    }
+
     /// Names of categories that are of this class.
     fn names(&self) -> impl Iterator<Item = &str> {
         let own = self.from.is_empty() && self.categories.is_empty();
         self.from.iter().map(String::as_str).chain(own.then_some(self.name.as_str()))
     }
+}
+
+/// What two classes name, so that the second one never has it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RepeatedClaim {
+    /// The class that has it, by its place.
+    pub first: usize,
+    /// The class that does not.
+    pub second: usize,
+    /// The key of the second class: `name` where its own name is the word.
+    pub key: &'static str,
+    /// The word or number in a sentence.
+    pub what: String,
 }
 
 /// The name of a category in words.
@@ -220,6 +268,11 @@ impl Name {
         let others: Vec<&String> = self.0.iter().filter(|word| !is_direction(word)).collect();
         matches!(others[..], [word] if light_state(word).is_some())
     }
+}
+
+/// Whether two names stand for the same categories.
+fn are_one_name(one: &str, other: &str) -> bool {
+    Name::of(one).has(other) && Name::of(other).has(one)
 }
 
 /// Whether a word in small letters is the regular plural of another: `cars`, `buses`, `lorries`.
@@ -274,6 +327,35 @@ impl Taken {
         }
         taken
     }
+}
+
+/// What classes name that a data set does not have, in a sentence for each such class: numbers of categories, and its words where no category is of
+/// the class.
+pub(super) fn missing_claims(data: &DataSet, classes: &Classes) -> Vec<String> {
+    const SHOWN: usize = 8;
+    let named = |category: &Category| match &category.text_id {
+        Some(id) => format!("{id:?} `{}`", category.name),
+        None => format!("{} `{}`", category.id, category.name),
+    };
+    let mut known: Vec<String> = data.categories.iter().take(SHOWN).map(named).collect();
+    if data.categories.len() > SHOWN {
+        known.push(format!("{} more", data.categories.len() - SHOWN));
+    }
+    let known = known.join(", ");
+    let sentence = |class: &ObjectClass| {
+        let is_missing = |id: &&u64| data.category(**id).is_none();
+        let numbers = class.categories.iter().filter(is_missing).map(|id| format!("category {id}"));
+        let mut missing: Vec<String> = numbers.collect();
+        if !data.categories.iter().any(|category| class.may_take(category)) {
+            missing.extend(class.names().map(|word| format!("`{word}`")));
+        }
+        let missing = Some(missing.join(", ")).filter(|missing| !missing.is_empty())?;
+        Some(format!(
+            "the class `{}` takes {missing}, which is not here; the categories are {known}",
+            class.name
+        ))
+    };
+    classes.iter().filter_map(sentence).collect()
 }
 
 /// How the categories of a data set are taken, if some of them are not looked for: else a misspelt one would be background without a word.
@@ -581,6 +663,61 @@ mod tests {
         let category = Category { id: 1, name: "traffic light".to_owned(), ..Category::default() };
         let data = DataSet { categories: vec![category], annotations: of_states, ..DataSet::default() };
         assert_eq!(own_categories(&data, &traffic_lights()), None);
+    }
+
+    #[test]
+    fn what_two_classes_name_is_found_unless_both_can_have_it() {
+        let claim = |text: &str| {
+            let claim = Classes::parse(text).unwrap().repeated_claim();
+            claim.map(|RepeatedClaim { first, second, key, what }| (first, second, key, what))
+        };
+        let two = |first: &str, second: &str| {
+            claim(&format!("[[class]]\nname = \"car\"\n{first}\n[[class]]\nname = \"b\"\n{second}\n"))
+        };
+        assert_eq!(
+            two("categories = [3]", "categories = [4, 3]"),
+            Some((0, 1, "categories", "category 3".to_owned()))
+        );
+        // The own name is a word of a class without others, and capitals and plurals do not count.
+        assert_eq!(two("", "from = [\"van\", \"Cars\"]"), Some((0, 1, "from", "`Cars`".to_owned())));
+        assert_eq!(two("from = [\"b\"]", ""), Some((0, 1, "name", "`b`".to_owned())));
+        assert_eq!(two("from = [\"car\"]", "from = [\"sports car\"]"), None);
+        // The police cars are left for the second class.
+        let cars = "from = [\"car\"]";
+        assert_eq!(two(&format!("{cars}\nnot = [\"police\"]"), cars), None);
+        let lights = |state: &str| format!("state = \"{state}\"\nfrom = [\"light\"]");
+        assert_eq!(two(&lights("red"), &lights("green")), None);
+        assert!(two(&lights("red"), &lights("red")).is_some());
+        for classes in [people_and_vehicles(), traffic_lights()] {
+            assert_eq!(classes.repeated_claim(), None);
+        }
+    }
+
+    #[test]
+    fn what_a_data_set_does_not_have_is_named_beside_what_it_has() {
+        let category =
+            |(id, name): (u64, &str)| Category { id, name: name.to_owned(), ..Category::default() };
+        let with = |categories: &[(u64, &str)]| DataSet {
+            categories: categories.iter().copied().map(category).collect(),
+            ..DataSet::default()
+        };
+        let data = with(&[(1, "person"), (3, "car")]);
+        let of = |text: &str| missing_claims(&data, &Classes::parse(text).unwrap());
+        let has = "which is not here; the categories are 1 `person`, 3 `car`";
+        assert_eq!(
+            of("[[class]]\nname = \"a\"\ncategories = [3, 99]\n[[class]]\nname = \"walker\"\nfrom = []\n"),
+            [
+                format!("the class `a` takes category 99, {has}"),
+                format!("the class `walker` takes `walker`, {has}")
+            ]
+        );
+        // Words of which one is there are other spellings.
+        assert!(missing_claims(&data, &people_and_vehicles()).is_empty());
+        let states = with(&[(1, "red"), (2, "yellow"), (3, "green"), (4, "off")]);
+        assert!(missing_claims(&states, &traffic_lights()).is_empty());
+        let without = missing_claims(&with(&[(3, "car")]), &people_and_vehicles());
+        assert_eq!(without.len(), 1);
+        assert!(without[0].starts_with("the class `pedestrian` takes `person`, `pedestrian`"), "{without:?}");
     }
 
     #[test]

@@ -16,7 +16,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::classes::{taken_as, truth};
+use super::classes::{missing_claims, taken_as, truth};
 use super::crop::around;
 use super::label_file::{LabelFile, drawn_pixel};
 use super::labelled_window::{LARGEST_SHARE, LEAST_INSIDE, crop_around, drawn_by_class, inside, off_middle};
@@ -131,6 +131,7 @@ impl LabelledPictures {
             }
         }
         notes.extend(taken_as(data, classes));
+        notes.extend(missing_claims(data, classes));
         let reads = (!are_decoded).then(Arc::default);
         if reads.is_some() {
             let said = "pictures are read when they are needed; a damaged one stops the run then, and `petzval data check` finds it before";

@@ -26,7 +26,9 @@ mod street_thing;
 
 pub use crate::loss::IGNORED;
 pub use class_map::ClassMap;
-pub use classes::{Classes, Judged, ObjectClass, Taken, TakenClass, in_classes, own_categories, taken_as};
+pub use classes::{
+    Classes, Judged, ObjectClass, RepeatedClaim, Taken, TakenClass, in_classes, own_categories, taken_as,
+};
 pub use crop::{CropPlan, HeldOutPlacement, TrainingCrop, held_out_placements, training_crop};
 pub use dead_leaves::dead_leaves;
 pub use error::DatasetError;

@@ -10,7 +10,7 @@ use burn::prelude::*;
 use petzval_base::FileError;
 use petzval_camera::image::LinearImage;
 use petzval_camera::tape::Frames;
-use petzval_learn::dataset::{Classes, LabelledPictures};
+use petzval_learn::dataset::{Classes, LabelledPictures, RepeatedClaim};
 use petzval_learn::detection::{Truth, detect_in};
 use petzval_learn::loss::NamedLoss;
 use petzval_learn::score::object_scores;
@@ -50,6 +50,7 @@ impl Task for Objects {
 
     fn check(&self, experiment: &Experiment, text: &str) -> Result<(), FileError> {
         check_has_boxes(&experiment.classes(), text)?;
+        check_claims(&experiment.classes(), text)?;
         check_names(&experiment.classes(), text)
     }
 
@@ -83,6 +84,14 @@ fn check_has_boxes(classes: &Classes, text: &str) -> Result<(), FileError> {
         }
     }
     Ok(())
+}
+
+/// Refuses classes of which one never has what it names: a category is of the first class that takes it.
+fn check_claims(classes: &Classes, text: &str) -> Result<(), FileError> {
+    let Some(RepeatedClaim { first, second, key, what }) = classes.repeated_claim() else { return Ok(()) };
+    let message = format!("{what} is of the class `{}`, too", classes[first].name);
+    let error = FileError::at_key(text, &["class", &second.to_string(), key], message);
+    Err(error.hint("a category is of the first class that takes it: leave it out of one of them"))
 }
 
 /// Refuses names by which a score of a class would be that of a group of objects, too: `ap50_small`.
