@@ -26,7 +26,7 @@ pub enum QualityError {
         value: String,
     },
     /// SSIM needs at least one whole window.
-    #[error("SSIM needs at least 11x11 pixels, the pictures have {height}x{width}")]
+    #[error("SSIM needs at least 11x11 pixels, the pictures have {width} x {height}")]
     TooSmall {
         /// Rows.
         height: usize,

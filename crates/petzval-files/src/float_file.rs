@@ -18,13 +18,13 @@ use petzval_base::write_whole;
 pub fn exr_bytes(height: usize, width: usize, channels: &[(&str, &[f32])]) -> Result<Vec<u8>, String> {
     let pixels = height.checked_mul(width).filter(|n| *n > 0 && height.max(width) < (1 << 30));
     let Some(pixels) = pixels.filter(|_| !channels.is_empty()) else {
-        return Err(format!("{} channels of {height}x{width} pixels", channels.len()));
+        return Err(format!("{} channels of {width} x {height} pixels", channels.len()));
     };
     let mut list = SmallVec::new();
     for (name, values) in channels {
         if values.len() != pixels {
             let count = values.len();
-            return Err(format!("channel {name}: {count} values do not fill {height}x{width} pixels"));
+            return Err(format!("channel {name}: {count} values do not fill {width} x {height} pixels"));
         }
         let Some(name) = exr::prelude::Text::new_or_none(name) else {
             return Err(format!("channel {name}: the name is not Latin text"));

@@ -15,11 +15,11 @@ pub(crate) fn check_picture(picture: &LinearImage, name: &str) -> Result<()> {
         Err(JobError::input(format!("{name}: {what}"), hint))
     };
     if *channels != CHANNELS || *height == 0 || *width == 0 {
-        return wrong(format!("a picture of {channels} planes of {height}x{width} pixels"));
+        return wrong(format!("a picture of {channels} planes of {width} x {height} pixels"));
     }
     let values = height.checked_mul(*width).and_then(|pixels| pixels.checked_mul(CHANNELS));
     if values != Some(data.len()) {
-        return wrong(format!("{} values for {channels} planes of {height}x{width} pixels", data.len()));
+        return wrong(format!("{} values for {channels} planes of {width} x {height} pixels", data.len()));
     }
     match data.iter().position(|value| !(value.is_finite() && *value >= 0.0)) {
         Some(at) => {
@@ -35,7 +35,7 @@ pub(crate) fn check_picture(picture: &LinearImage, name: &str) -> Result<()> {
 pub(crate) fn check_numbers<T>(frame: &RawFrame<T>, name: &str) -> Result<()> {
     let RawFrame { height, width, dn, .. } = frame;
     if dn.is_empty() || height.checked_mul(*width) != Some(dn.len()) {
-        let message = format!("{name}: {} digital numbers for {height}x{width} pixels", dn.len());
+        let message = format!("{name}: {} digital numbers for {width} x {height} pixels", dn.len());
         return Err(JobError::input(message, "give one number for each pixel, row by row"));
     }
     Ok(())
@@ -58,10 +58,10 @@ mod tests {
         let whole = LinearImage::filled(3, 2, 4, 0.5);
         assert!(check_picture(&whole, "x").is_ok());
         let says = |picture: &LinearImage| check_picture(picture, "x").unwrap_err().to_string();
-        assert_eq!(says(&LinearImage::zeros(1, 2, 4)), "x: a picture of 1 planes of 2x4 pixels");
-        assert_eq!(says(&LinearImage::zeros(3, 0, 4)), "x: a picture of 3 planes of 0x4 pixels");
+        assert_eq!(says(&LinearImage::zeros(1, 2, 4)), "x: a picture of 1 planes of 4 x 2 pixels");
+        assert_eq!(says(&LinearImage::zeros(3, 0, 4)), "x: a picture of 3 planes of 4 x 0 pixels");
         let short = LinearImage { data: vec![0.5; 23], ..whole.clone() };
-        assert_eq!(says(&short), "x: 23 values for 3 planes of 2x4 pixels");
+        assert_eq!(says(&short), "x: 23 values for 3 planes of 4 x 2 pixels");
         let huge = LinearImage { channels: 3, height: usize::MAX, width: 2, data: Vec::new() };
         assert!(says(&huge).contains("0 values"));
         for wrong in [f32::NAN, f32::INFINITY, -0.1] {

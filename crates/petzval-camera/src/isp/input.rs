@@ -222,7 +222,7 @@ impl RawInput {
         let Self { height, width, about, .. } = self;
         if height % 2 != 0 || width % 2 != 0 || *height < 16 || *width < 16 {
             let need = "even in rows and columns, and at least 16 x 16";
-            return bad("size of the frame", format!("{height} x {width}"), need);
+            return bad("size of the frame", format!("{width} x {height}"), need);
         }
         if self.dn.len() != height * width {
             return bad("number of pixels", self.dn.len().to_string(), "height x width");

@@ -8,8 +8,8 @@ use crate::psf::PsfError;
 /// A window that leaves the sensor.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error(
-    "{what} of {}x{} at row {}, column {} leaves the {}x{} sensor",
-    size[0], size[1], at[0], at[1], sensor.0, sensor.1
+    "{what} of {} x {} pixels at row {}, column {} leaves the sensor of {} x {}",
+    size[1], size[0], at[0], at[1], sensor.1, sensor.0
 )]
 pub struct OffSensor {
     /// What the window shows.
@@ -33,7 +33,7 @@ pub enum RenderError {
     Stopped(#[from] Cancelled),
     /// Sensor size, pixel pitch or patch count is out of range.
     #[error(
-        "render geometry {height}x{width} pixels of {pixel_um} um in {patch_rows}x{patch_cols} patches; \
+        "render geometry {width} x {height} pixels of {pixel_um} um in {patch_rows}x{patch_cols} patches; \
          all must be positive, with at most 65536 pixels and 256 patches along a side"
     )]
     Geometry {
@@ -67,7 +67,7 @@ pub enum RenderError {
     },
     /// The scene has no room for the PSF around the output.
     #[error(
-        "the scene has {height}x{width} pixels; it needs more than {border} on each side of the output; \
+        "the scene has {width} x {height} pixels; it needs more than {border} on each side of the output; \
          hint: use pad_replicate"
     )]
     SceneTooSmall {

@@ -22,7 +22,7 @@ pub struct SpectralImage {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SpectralImageError {
     /// No pixels, or fewer than two bands.
-    #[error("{bands} bands of {height}x{width} pixels; at least two bands and one pixel are needed")]
+    #[error("{bands} bands of {width} x {height} pixels; at least two bands and one pixel are needed")]
     Empty {
         /// Bands.
         bands: usize,
@@ -32,7 +32,7 @@ pub enum SpectralImageError {
         width: usize,
     },
     /// The number of values is not bands x rows x columns.
-    #[error("{bands} bands of {height}x{width} pixels need {expected} values, not {len}")]
+    #[error("{bands} bands of {width} x {height} pixels need {expected} values, not {len}")]
     Length {
         /// Bands.
         bands: usize,

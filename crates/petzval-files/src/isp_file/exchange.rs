@@ -72,7 +72,7 @@ pub fn decode_picture(
     let picture = if name.ends_with(".npy") { decode_npy(bytes)? } else { decode_image(name, bytes)? };
     if (picture.height, picture.width) != (height, width) {
         let (got_height, got_width) = (picture.height, picture.width);
-        return Err(format!("{got_height} x {got_width} pixels; the frame has {height} x {width}"));
+        return Err(format!("{got_width} x {got_height} pixels; the frame has {width} x {height}"));
     }
     Ok(picture)
 }
@@ -163,7 +163,7 @@ pub fn picture_png_bytes(picture: &RgbPicture, bits: u32) -> Result<Vec<u8>, Str
     let RgbPicture { height, width, .. } = *picture;
     let (pixels, white) = (height * width, f64::from((1_u32 << picture.bits) - 1));
     if pixels == 0 || picture.data.len() != 3 * pixels {
-        return Err(format!("{} values do not fill {height} x {width} pixels", picture.data.len()));
+        return Err(format!("{} values do not fill {width} x {height} pixels", picture.data.len()));
     }
     let (codes, is_deep) = (f64::from((1_u32 << bits) - 1), bits > 8);
     let full = if is_deep { 65535.0 } else { 255.0 };
@@ -309,7 +309,7 @@ mod tests {
             ("rgb.npy", bytes(&[0.0, 0.5, f32::NAN, 0.0, 0.0, 0.0]), "NaN"),
             ("rgb.npy", bytes(&[0.0, 0.5, 255.0, 0.0, 0.0, 0.0]), "255"),
             ("rgb.npy", bytes(&[0.0, 0.5, f32::INFINITY, 0.0, 0.0, 0.0]), "inf"),
-            ("rgb.npy", npy(&[2, 1, 3], &[0_u8; 6]), "2 x 1 pixels; the frame has 1 x 2"),
+            ("rgb.npy", npy(&[2, 1, 3], &[0_u8; 6]), "1 x 2 pixels; the frame has 2 x 1"),
             ("rgb.npy", npy(&[3, 1, 2], &[0_u8; 6]), "(height, width, 3)"),
             ("rgb.npy", npy(&[1, 2, 3], &[0_i32; 6]), "i4"),
             ("rgb.npy", npy(&[1, 2, 3], &[0_u8; 6])[..130].to_vec(), "cut off"),

@@ -47,7 +47,7 @@ pub enum ImageError {
         reason: String,
     },
     /// The picture has no pixels.
-    #[error("{name}: the picture is empty ({height}x{width})")]
+    #[error("{name}: the picture is empty ({width} x {height})")]
     Empty {
         /// The file or the name of the buffer.
         name: String,

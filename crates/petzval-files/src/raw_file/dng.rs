@@ -32,7 +32,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
         return Err(unreadable("the frame has floating-point values, not digital numbers".to_owned()));
     };
     if dn.is_empty() || dn.len() != image.height * image.width {
-        return Err(unreadable(format!("{} numbers in {}x{} pixels", dn.len(), image.height, image.width)));
+        return Err(unreadable(format!("{} numbers in {} x {} pixels", dn.len(), image.width, image.height)));
     }
 
     // Crop to the active area, where the file's mosaic begins.
@@ -44,7 +44,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<RawFrame, Unreadable> {
         |start: usize, size: usize, all: usize| size > 0 && start.checked_add(size).is_some_and(|e| e <= all);
     if !fits(top, height, image.height) || !fits(left, width, image.width) {
         let reason =
-            format!("an active area of {height}x{width} at row {top}, column {left} of a smaller frame");
+            format!("an active area of {width} x {height} at row {top}, column {left} of a smaller frame");
         return Err(unreadable(reason));
     }
     let rows = dn.chunks_exact(image.width).skip(top).take(height);

@@ -196,7 +196,7 @@ fn encode(frame: &RawFrame, path: &Path, format: RawFormat) -> Result<(Vec<u8>, 
     let content = |error: Unreadable| RawFileError::content(path, error.reason, error.hint);
     if frame.height == 0 || frame.width == 0 || frame.dn.len() != frame.height * frame.width {
         let reason =
-            format!("{} numbers do not fill {}x{} pixels", frame.dn.len(), frame.height, frame.width);
+            format!("{} numbers do not fill {} x {} pixels", frame.dn.len(), frame.width, frame.height);
         return Err(RawFileError::content(path, reason, "give one number per pixel, and at least one pixel"));
     }
     let mut sidecar = Sidecar::of(frame);

@@ -21,14 +21,14 @@ pub(super) fn decode(bytes: &[u8]) -> Result<AnyFrame, Unreadable> {
     };
     let (pixels, order, kind) = (height * width, array.order(), array.dtype());
     if pixels == 0 || pixels > MOST_PIXELS {
-        return Err(unreadable(format!("{height}x{width} pixels: none, or more than 2^28")));
+        return Err(unreadable(format!("{width} x {height} pixels: none, or more than 2^28")));
     }
     // Check that the file holds the data before memory is allocated for them.
     let each = kind.num_bytes().unwrap_or(0);
     let held = array.into_inner();
     if held.len() as u64 != pixels * each as u64 {
         let reason = format!(
-            "{} bytes of data, and {height}x{width} numbers take {}",
+            "{} bytes of data, and {width} x {height} numbers take {}",
             held.len(),
             pixels * each as u64
         );

@@ -93,7 +93,7 @@ pub enum PackingError {
         stride: usize,
     },
     /// The frame has no pixels, or too many.
-    #[error("{height}x{width} pixels: a frame has at least one pixel and at most 2^28")]
+    #[error("{width} x {height} pixels: a frame has at least one pixel and at most 2^28")]
     Size {
         /// Rows.
         height: usize,
@@ -101,7 +101,7 @@ pub enum PackingError {
         width: usize,
     },
     /// The length of the file contradicts its layout.
-    #[error("the file has {got} bytes, but {height}x{width} pixels of {bits} bits as {} take {needed}", packing.name())]
+    #[error("the file has {got} bytes, but {width} x {height} pixels of {bits} bits as {} take {needed}", packing.name())]
     Length {
         /// Bytes of the file.
         got: usize,

@@ -70,7 +70,10 @@ pub(super) fn decode_page(file: impl Read + Seek, place: usize) -> Result<AnyFra
     // A damaged header can claim any size: limit the picture to what the file's bytes can expand to.
     let most = MOST_EXPANSION.saturating_mul(tiff.bytes).min(each * MOST_PIXELS) + WORK_SPACE;
     if each * pixels > most {
-        return Err(refused(format!("{height}x{width} pixels do not fit in a file of {} bytes", tiff.bytes)));
+        return Err(refused(format!(
+            "{width} x {height} pixels do not fit in a file of {} bytes",
+            tiff.bytes
+        )));
     }
     tiff.check_length()?;
     let orientation = tiff.decoder.find_tag_unsigned(Tag::Orientation).ok().flatten().and_then(turning);
@@ -83,7 +86,7 @@ pub(super) fn decode_page(file: impl Read + Seek, place: usize) -> Result<AnyFra
         if count > 0 && count == height * width {
             Ok(())
         } else {
-            Err(refused(format!("{count} numbers for {height}x{width} pixels")))
+            Err(refused(format!("{count} numbers for {width} x {height} pixels")))
         }
     };
     let narrow = |dn: Vec<u16>, bits| {

@@ -80,7 +80,7 @@ fn check_kept(bytes: &[u8], format: Option<ImageFormat>) -> Result<(), String> {
 /// The bytes of a 16-bit gray picture.
 pub(super) fn encode(frame: &RawFrame, format: ImageFormat) -> Result<Vec<u8>, Unreadable> {
     let unwritable = |reason: String| Unreadable { reason, hint: "write the frame as .npy or .raw" };
-    let size = || unwritable(format!("{}x{} pixels are too many", frame.height, frame.width));
+    let size = || unwritable(format!("{} x {} pixels are too many", frame.width, frame.height));
     let (width, height) = (u32::try_from(frame.width), u32::try_from(frame.height));
     let (Ok(width), Ok(height)) = (width, height) else { return Err(size()) };
     let gray: ImageBuffer<Luma<u16>, &[u16]> =

@@ -403,7 +403,7 @@ fn frames_that_cannot_be_written_leave_nothing() {
         save_raw(frame, &folder.path().join(name), format).unwrap_err()
     };
     let short = RawFrame { dn: vec![0; 7], ..good.clone() };
-    assert!(write(&short, "a.tiff", RawFormat::Tiff).to_string().contains("7 numbers do not fill 2x4"));
+    assert!(write(&short, "a.tiff", RawFormat::Tiff).to_string().contains("7 numbers do not fill 4 x 2"));
     let large = RawFrame { dn: vec![4096; 8], ..good.clone() };
     let error = write(&large, "a.raw", RawFormat::Packed(Packing::Mipi)).to_string();
     assert!(error.contains("does not fit in 12 bits"), "{error}");

@@ -21,12 +21,12 @@ pub fn read(bytes: &[u8], sidecar: &Sidecar) -> Result<SpectralImage, Wrong> {
     let (width, height) = (width as usize, height as usize);
     let expected = sidecar.wavelength_um.len();
     let pixels = width.checked_mul(height).filter(|n| *n > 0 && n.saturating_mul(expected) <= MAX_VALUES);
-    let pixels = pixels.ok_or_else(|| (format!("pages of {height}x{width} pixels"), HINT))?;
+    let pixels = pixels.ok_or_else(|| (format!("pages of {width} x {height} pixels"), HINT))?;
     let mut data: Vec<f32> = Vec::new();
     loop {
         let size = decoder.dimensions().map_err(damaged)?;
         if size != (width as u32, height as u32) {
-            return Err((format!("pages of {height}x{width} and of {}x{} pixels", size.1, size.0), HINT));
+            return Err((format!("pages of {width} x {height} and of {} x {} pixels", size.0, size.1), HINT));
         }
         let samples = usize::from(decoder.colortype().map_err(damaged)?.num_samples());
         let page = as_f32(decoder.read_image().map_err(damaged)?)?;

@@ -241,7 +241,7 @@ fn check_raw(frame: &RawFrame, sensor: &SensorModel, name: &str) -> Result<()> {
         Err(JobError::input(format!("{name}: {what}"), hint))
     };
     if frame.height > sensor.height || frame.width > sensor.width {
-        let (frame, whole) = ([frame.height, frame.width], [sensor.height, sensor.width]);
+        let (frame, whole) = ([frame.width, frame.height], [sensor.width, sensor.height]);
         return wrong(format!(
             "{} x {} pixels, the sensor has {} x {}",
             frame[0], frame[1], whole[0], whole[1]

@@ -59,7 +59,7 @@ fn rendering() -> Result<Prepared> {
     let border = kernel_radius(&geometry, &bank.layout()).map_err(DesignError::from)?;
     let scene = texture(FRAME.0 + 2 * border, FRAME.1 + 2 * border);
     let work = format!(
-        "1200 x 1920 RGB, {} x {} blended PSFs from 31 fields, error {:.3} (L1, median), kernels included",
+        "1920 x 1200 RGB, {} x {} blended PSFs from 31 fields, error {:.3} (L1, median), kernels included",
         geometry.patches.0, geometry.patches.1, blend.median
     );
     Ok(Prepared::new(work, move || Ok(render(&geometry, &bank, &scene, ORIGIN).map_err(DesignError::from)?)))
@@ -88,7 +88,7 @@ fn chip(preset: &str) -> Result<Prepared> {
     let stages = isp.stage_times(&frame, &values)?;
     let stages: Vec<String> = stages.iter().map(|(stage, s)| format!("{stage} {:.1}", 1e3 * s)).collect();
     let work = format!(
-        "1200 x 1920 raw, all stages of the preset {preset} of the automotive ISP, fixed-point; by the clock, ms: {}",
+        "1920 x 1200 raw, all stages of the preset {preset} of the automotive ISP, fixed-point; by the clock, ms: {}",
         stages.join(", ")
     );
     Ok(Prepared::new(work, move || {
@@ -100,7 +100,7 @@ fn chip(preset: &str) -> Result<Prepared> {
 /// A mosaic of texture, demosaiced.
 fn demosaicing(method: Demosaic) -> Result<Prepared> {
     let mosaic = texture(FRAME.0, FRAME.1).plane(1).to_vec();
-    Ok(Prepared::new(format!("1200 x 1920 Bayer mosaic, {}", method.name()), move || {
+    Ok(Prepared::new(format!("1920 x 1200 Bayer mosaic, {}", method.name()), move || {
         let picture = method.apply(&mosaic, FRAME.0, FRAME.1, CfaPattern::RGGB, ORIGIN);
         Ok(picture.map_err(DesignError::from)?)
     })
@@ -128,7 +128,7 @@ fn sensor() -> Result<Prepared> {
     let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     let alone = alone.map_err(|e| JobError::failed(format!("no thread for the bench: {e}")))?;
     let mut frame = 0;
-    let work = "1200 x 1920 Bayer frame, exact Poisson, read and electronics noise, DSNU, PRNU, hot pixels, row and \
+    let work = "1920 x 1200 Bayer frame, exact Poisson, read and electronics noise, DSNU, PRNU, hot pixels, row and \
                column noise";
     Ok(Prepared::new(work, move || {
         frame += 1;

@@ -197,7 +197,7 @@ fn warn_of_small_pictures(request: &Request, rig: &Rig, photos: &Photos<'_>, con
         && (photo.height, photo.width) == (rig.sensor.height * rig.samples, rig.sensor.width * rig.samples)
     {
         context.warning(WarningKind::Picture, format!(
-            "{name}: the picture has as many pixels as the sensor, and the lens projects {height}x{width} of a rectilinear scene onto it: \
+            "{name}: the picture has as many pixels as the sensor, and the lens projects {width} x {height} of a rectilinear scene onto it: \
              the border repeats the picture's edge; without distortion the picture would fill the frame"
         ));
     }

@@ -43,7 +43,7 @@ impl Place {
         if by <= ENLARGED {
             return None;
         }
-        let sizes = format!("{}x{} pixels on a frame of {height}x{width}", picture.height, picture.width);
+        let sizes = format!("{} x {} pixels on a frame of {width} x {height}", picture.width, picture.height);
         Some(match self {
             Self::Fill => format!(
                 "{sizes}: the picture is enlarged {by:.1} times, and its own blur with it; --place centre takes its pixels as they are"
@@ -279,7 +279,9 @@ mod tests {
     fn pictures_that_are_much_smaller_than_the_frame_get_a_note() {
         let note =
             |place: Place, height, width| place.note(&LinearImage::zeros(3, height, width), (1200, 1920));
-        assert!(note(Place::Fill, 400, 600).unwrap().contains("enlarged 3.2 times"));
+        let small = note(Place::Fill, 400, 600).unwrap();
+        assert!(small.starts_with("600 x 400 pixels on a frame of 1920 x 1200: "), "{small}");
+        assert!(small.contains("enlarged 3.2 times"));
         assert!(note(Place::Centre, 400, 600).unwrap().contains("edge is continued"));
         // As large as the frame, nearly so, and larger.
         for place in [Place::Fill, Place::Centre] {

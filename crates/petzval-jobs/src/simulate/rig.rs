@@ -86,7 +86,7 @@ impl Checked {
         let sensor = request.sensor.read(&context.assets)?;
         if sensor.height.saturating_mul(sensor.width) > MOST_PIXELS {
             return Err(JobError::input(
-                format!("{}: a frame of {}x{} pixels", request.sensor, sensor.height, sensor.width),
+                format!("{}: a frame of {} x {} pixels", request.sensor, sensor.width, sensor.height),
                 format!("`height` times `width` of the sensor may be at most {MOST_PIXELS}"),
             ));
         }
@@ -108,8 +108,8 @@ impl Checked {
         if sides[0].saturating_mul(sides[1]) > MOST_PIXELS || sides.into_iter().any(|side| side > MAX_SIDE) {
             return Err(JobError::input(
                 format!(
-                    "--samples {samples}: a scene of {}x{} samples on {}",
-                    sides[0], sides[1], request.sensor
+                    "--samples {samples}: a scene of {} x {} samples on {}",
+                    sides[1], sides[0], request.sensor
                 ),
                 format!(
                     "a scene may have {MOST_PIXELS} samples, at most {MAX_SIDE} along a side: take fewer"
@@ -283,8 +283,8 @@ impl Rig {
         if frame.0.saturating_mul(frame.1) > MOST_PIXELS {
             return Err(JobError::input(
                 format!(
-                    "this lens projects a scene of {}x{} samples onto {}",
-                    frame.0, frame.1, request.sensor
+                    "this lens projects a scene of {} x {} samples onto {}",
+                    frame.1, frame.0, request.sensor
                 ),
                 format!(
                     "a scene may have {MOST_PIXELS}: leave distortion out, or take fewer samples a pixel"

@@ -180,7 +180,7 @@ pub enum CaptureError {
     #[error(transparent)]
     Frame(#[from] RawFileError),
     /// The size of a frame differs from that of the others.
-    #[error("{}: {height}x{width} pixels, the other frames have {expected_height}x{expected_width}", path.display())]
+    #[error("{}: {width} x {height} pixels, the other frames have {expected_width} x {expected_height}", path.display())]
     Size {
         /// The frame.
         path: PathBuf,

@@ -21,7 +21,7 @@ pub enum PsfCalibrationError {
     Frame(#[from] RawFileError),
     /// A frame has another size than the first of its position.
     #[error(
-        "{}: {height}x{width} pixels, but the first frame of position `{position}` has {first_height}x{first_width}; hint: \
+        "{}: {width} x {height} pixels, but the first frame of position `{position}` has {first_width} x {first_height}; hint: \
          all frames of a position show the same window of the sensor", path.display()
     )]
     Size {
@@ -81,7 +81,9 @@ pub enum PsfCalibrationError {
     )]
     Mosaic(CfaPattern),
     /// The frames are too small for a PSF and its surround.
-    #[error("position `{position}`: frames of {height}x{width} pixels; at least {least}x{least} are needed")]
+    #[error(
+        "position `{position}`: frames of {width} x {height} pixels; at least {least} x {least} are needed"
+    )]
     TooSmall {
         /// Position.
         position: String,
@@ -105,8 +107,8 @@ pub enum PsfCalibrationError {
     },
     /// The PSF would be cut off.
     #[error(
-        "position `{position}`: the source is at row {row:.1}, column {col:.1} of the frame, and {size}x{size} pixels around it \
-         leave its {height}x{width}; hint: capture a larger window, or move the source inwards"
+        "position `{position}`: the source is at row {row:.1}, column {col:.1} of the frame, and {size} x {size} pixels around it \
+         leave its {width} x {height}; hint: capture a larger window, or move the source inwards"
     )]
     NearBorder {
         /// Position.

@@ -90,8 +90,8 @@ pub fn calibrate_position(
     let window = Window { placement: Placement { row, col }, height: first.height, width: first.width };
     if !window.lies_on((sensor.height, sensor.width)) {
         let message = format!(
-            "frames of {}x{} pixels from here leave the sensor of {}x{}",
-            first.height, first.width, sensor.height, sensor.width
+            "frames of {} x {} pixels from here leave the sensor of {} x {}",
+            first.width, first.height, sensor.width, sensor.height
         );
         let off = FileError::at(text, position.origin.span(), "origin", message);
         let hint = "[row, column] of the frames' first pixel; the frames' size must be the sensor's or a window of it";
@@ -177,12 +177,12 @@ pub fn calibrate_position(
     });
     if let Some(([r, c], share)) = cut.elsewhere {
         warnings.push(format!(
-            "another source at row {}, column {} of the sensor, {:.0} % as bright, outside the {}x{} pixels that are measured",
+            "another source at row {}, column {} of the sensor, {:.0} % as bright, outside the {} x {} pixels that are measured",
             row + r,
             col + c,
             100.0 * share,
-            cut.height,
-            cut.width
+            cut.width,
+            cut.height
         ));
     }
 

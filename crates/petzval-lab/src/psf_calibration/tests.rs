@@ -458,7 +458,7 @@ fn captures_without_a_psf_are_errors() {
     let edge = Spot { row: 6.0, ..SPOT };
     let rates = frame.mosaic(&psf.land(edge, 5.86, (SIDE, SIDE)));
     let bright = Merged { rate_e_per_s: rates.clone(), variance: vec![100.0; SIDE * SIDE], ..dark.clone() };
-    assert!(measure(&bright, &frame, "edge", 1).unwrap_err().to_string().contains("leave its 64x64"));
+    assert!(measure(&bright, &frame, "edge", 1).unwrap_err().to_string().contains("leave its 64 x 64"));
 
     // Two sources: the brighter one is measured, the other is reported.
     let both: Vec<f64> = frame
@@ -473,7 +473,7 @@ fn captures_without_a_psf_are_errors() {
     assert!((measured.other_sources[0].1 - 0.4).abs() < 0.15, "{:?}", measured.other_sources);
 
     let small = Frame { height: 20, ..frame };
-    assert!(measure(&bright, &small, "small", 1).unwrap_err().to_string().contains("at least 36x36"));
+    assert!(measure(&bright, &small, "small", 1).unwrap_err().to_string().contains("at least 36 x 36"));
     let binned = Frame { cfa: "RRGG/RRGG/GGBB/GGBB".parse().unwrap(), ..frame };
     assert!(measure(&bright, &binned, "binned", 1).unwrap_err().to_string().contains("a Bayer mosaic"));
 }

@@ -68,7 +68,7 @@ pub enum DatasetError {
     },
     /// A picture cannot hold the training window.
     #[error(
-        "{name}: {height} x {width} pixels cannot hold a window of {needed} x {needed} (crop and margins); use larger pictures, or, for a \
+        "{name}: {width} x {height} pixels cannot hold a window of {needed} x {needed} (crop and margins); use larger pictures, or, for a \
          new run, a smaller `psf.grid` or a smaller crop: the larger of `training.crop` and `scoring.crop` counts"
     )]
     PhotoTooSmall {
@@ -83,7 +83,7 @@ pub enum DatasetError {
     },
     /// The sensor cannot hold the crop.
     #[error(
-        "sensor of {rows} x {columns} pixels cannot hold a crop of {crop} x {crop}; use a crop of 1 or more that fits"
+        "sensor of {columns} x {rows} pixels cannot hold a crop of {crop} x {crop}; use a crop of 1 or more that fits"
     )]
     SensorTooSmall {
         /// Sensor rows.

@@ -20,7 +20,7 @@ pub enum LossError {
     },
     /// The picture is too small for the layers of the network.
     #[error(
-        "picture of {height} x {width} pixels; LPIPS with AlexNet needs at least {least} x {least}: use a larger crop"
+        "picture of {width} x {height} pixels; LPIPS with AlexNet needs at least {least} x {least}: use a larger crop"
     )]
     TooSmall {
         /// Rows.
@@ -31,7 +31,7 @@ pub enum LossError {
         least: usize,
     },
     /// The picture is too small for the window of SSIM.
-    #[error("picture of {height} x {width} pixels; SSIM needs at least {least} x {least}: use a larger crop")]
+    #[error("picture of {width} x {height} pixels; SSIM needs at least {least} x {least}: use a larger crop")]
     SmallerThanWindow {
         /// Rows.
         height: usize,

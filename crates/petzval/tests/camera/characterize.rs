@@ -294,7 +294,7 @@ fn corrupt_and_incomplete_captures_are_named() {
     let picture = |c: &Path, width: u32, dn: u16| {
         image::ImageBuffer::from_pixel(width, 60, image::Luma([dn])).save(c.join(frame)).unwrap();
     };
-    case("size", &|c| picture(c, 70, 200), &[frame, "60x70 pixels", "60x80"]);
+    case("size", &|c| picture(c, 70, 200), &[frame, "70 x 60 pixels", "80 x 60"]);
     case("value", &|c| picture(c, 80, 5000), &[frame, "5000", "12 bits", "4095"]);
     case("key", &edit("bits = 12", "bitts = 12"), &["captures.toml:", "bitts", "did you mean `bits`?"]);
     case("range", &edit("exposure_ms = 2.5", "exposure_ms = -2.5"), &["exposure_ms", "-2.5", "milliseconds"]);

@@ -185,7 +185,7 @@ fn wrong_captures_are_reported() {
         image::ImageBuffer::<image::Luma<u16>, Vec<u16>>::from_pixel(width, height, image::Luma([value]))
     };
     gray(50, 64, 200).save(&frame).unwrap();
-    run_fails(at, &calibrate, 2, &["64x64 pixels, but the first frame of position `axis` has 64x50"]);
+    run_fails(at, &calibrate, 2, &["64 x 64 pixels, but the first frame of position `axis` has 50 x 64"]);
     gray(64, 64, 60_000).save(&frame).unwrap();
     run_fails(at, &calibrate, 2, &["holds 60000 DN", "shifted"]);
     std::fs::write(&frame, b"no picture").unwrap();

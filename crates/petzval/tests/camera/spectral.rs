@@ -443,7 +443,7 @@ fn what_cannot_be_simulated_is_named() {
         ),
         (&[chart, "--sensor", &sensor, "--gain", "1.5", "--out", "new"], ["gain", "1.5"]),
         (&[chart, "--sensor", "lacking.toml", "--out", "new"], ["blue", "RG/GR"]),
-        (&["cube.npy", "--sensor", "huge.toml"], ["huge.toml", "60000x60000"]),
+        (&["cube.npy", "--sensor", "huge.toml"], ["huge.toml", "60000 x 60000"]),
         (&["rust.png", "--bands", "8"], ["no quantum efficiency curves", "--qe"]),
         (&["rust.png", "--no-colour-matrix"], ["no quantum efficiency curves", "--qe"]),
         (&["scene:moon", "--sensor", &sensor], ["no scene called `moon`", "scene:siemens-star"]),

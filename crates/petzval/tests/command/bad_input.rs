@@ -405,7 +405,7 @@ fn photographs() {
         (
             "small",
             &[
-                "a.png: 50 x 40 pixels cannot hold a window",
+                "a.png: 40 x 50 pixels cannot hold a window",
                 "the larger of `training.crop` and `scoring.crop` counts",
             ],
         ),

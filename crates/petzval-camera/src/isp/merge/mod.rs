@@ -352,7 +352,7 @@ fn check(frames: &[RawInput], exposures: &[f64], options: &MergeOptions) -> Resu
         frame.validate()?;
         let first = &frames[0];
         if (frame.height, frame.width, frame.cfa) != (first.height, first.width, first.cfa) {
-            let got = format!("{} x {} {}", frame.height, frame.width, frame.cfa);
+            let got = format!("{} x {} {}", frame.width, frame.height, frame.cfa);
             return bad("an exposure", got, "of the same size and array as the others");
         }
     }

@@ -112,7 +112,7 @@ pub(super) fn check(bytes: &[u8]) -> Result<usize, String> {
         for [width, height] in [sides, tile] {
             let pixels = width.checked_mul(height).and_then(|n| n.checked_mul(samples.max(1)));
             if pixels.is_none_or(|pixels| pixels > most_pixels) {
-                return Err(format!("{height}x{width} pixels in a file of {} bytes", bytes.len()));
+                return Err(format!("{width} x {height} pixels in a file of {} bytes", bytes.len()));
             }
         }
         if chained && let Some(next) = numbers.u32(start + 12 * u64::from(entries)).filter(|next| *next != 0)

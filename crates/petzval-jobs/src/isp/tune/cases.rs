@@ -42,10 +42,10 @@ impl Case {
         let picture = pictures.light(&self.reference).map_err(DesignError::Image)?;
         if (picture.height, picture.width) != (height, width) {
             let message = format!(
-                "{}: {} x {} pixels, and {} has {height} x {width}",
+                "{}: {} x {} pixels, and {} has {width} x {height}",
                 self.reference.display(),
-                picture.height,
                 picture.width,
+                picture.height,
                 self.raw.display()
             );
             return Err(JobError::input(message, "give references of the size of their frames"));

@@ -559,10 +559,10 @@ impl Tuner<'_> {
         let RgbPicture { height, width, .. } = picture;
         if (height, width) != (truth.height, truth.width) {
             return Err(JobError::failed(format!(
-                "{}: the ISP made {height} x {width} pixels, and the reference has {} x {}",
+                "{}: the ISP made {width} x {height} pixels, and the reference has {} x {}",
                 case.raw.display(),
-                truth.height,
-                truth.width
+                truth.width,
+                truth.height
             )));
         }
         let finished = LinearImage { channels: 3, height, width, data: picture.encoded() };

@@ -152,7 +152,7 @@ fn garbage_is_refused_with_the_reason() {
     for (script, says) in [
         ("true\n", "left no picture"),
         ("echo hello > $1/rgb.png\n", "rgb.png: "),
-        ("printf 'P3 1 1 255 1 2 3' > $1/rgb.ppm\n", "1 x 1 pixels; the frame has 16 x 20"),
+        ("printf 'P3 1 1 255 1 2 3' > $1/rgb.ppm\n", "1 x 1 pixels; the frame has 20 x 16"),
         ("head -c 99999 /dev/zero > $1/rgb.npy\n", "more than any picture"),
         (&nan, "NaN"),
     ] {

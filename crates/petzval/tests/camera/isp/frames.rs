@@ -382,7 +382,7 @@ fn frames_that_no_isp_takes_are_refused_with_what_it_takes() {
         &args,
         2,
         &[
-            "size of the frame is 33 x 48; it must be even in rows and columns, and at least 16 x 16",
+            "size of the frame is 48 x 33; it must be even in rows and columns, and at least 16 x 16",
             "drop the last row or column",
         ],
     );
@@ -397,7 +397,7 @@ fn a_hostile_sidecar_is_refused_before_anything_is_read() {
     sparse("big.raw");
     std::fs::write(at("big.raw.toml"), "height = 2\nwidth = 4\nbits = 16\npacking = \"u16le\"\n").unwrap();
     let started = std::time::Instant::now();
-    run_fails(folder.path(), &["raw", "show", "big.raw"], 2, &["big.raw", "67108864 bytes", "2x4 pixels"]);
+    run_fails(folder.path(), &["raw", "show", "big.raw"], 2, &["big.raw", "67108864 bytes", "4 x 2 pixels"]);
     std::fs::write(at("a.raw"), [0; 16]).unwrap();
     sparse("a.raw.toml");
     run_fails(folder.path(), &["raw", "show", "a.raw"], 2, &["a.raw.toml", "at most 1048576 bytes are read"]);

@@ -42,7 +42,7 @@ fn what_cannot_be_developed_or_tuned_is_named_and_nothing_is_written() {
         (tune("empty", &[]), ["--reference empty", "holds no file"]),
         (tune("nothere", &[]), ["--reference nothere", "the pictures that the frames should become"]),
         (tune("reference", &["--vary", "sharpn"]), ["--vary sharpn", "did you mean sharpen?"]),
-        (tune("small", &[]), ["left.png: 30 x 30 pixels", "32 x 48"]),
+        (tune("small", &[]), ["left.png: 30 x 30 pixels", "48 x 32"]),
         (tune("reference", &["--vary", "gain.grün"]), ["--vary gain.grün", "did you mean"]),
         (
             tune("reference", &["--objective", "beauty"]),
