@@ -235,7 +235,8 @@ fn ends_of(integer: &str) -> Option<(i128, i128)> {
 /// `largest` is the largest whole number of the kind of file. A negative number where none may be is of the wrong type.
 fn beyond_ends(found: &str, wanted: &str, largest: i128) -> Option<(String, &'static str)> {
     let (low, high) = ends_of(wanted).map(|(low, high)| (low, high.min(largest)))?;
-    let value = found.split('`').nth(1)?;
+    let number = found.strip_prefix("integer `").or_else(|| found.strip_prefix("floating point `"))?;
+    let (value, _) = number.split_once('`')?;
     // A reader of JSON makes a number with a decimal point of what 64 bits cannot hold.
     let as_float = || value.parse::<f64>().ok().filter(|value| value.fract() == 0.0);
     let value = value.parse::<i128>().ok().or_else(|| as_float().map(|value| value as i128))?;
