@@ -169,6 +169,50 @@ pub struct Place {
     pub source: Option<String>,
 }
 
+impl ErrorReport {
+    /// Place and message on one line, as the command prints errors: ``lens.toml:3:9: `radius_mm = 0`: out of range``. The hint is left out.
+    pub fn in_words(&self) -> String {
+        let place = self.place.as_ref().map_or_else(String::new, Place::in_words);
+        format!("{place}{}", self.message)
+    }
+}
+
+impl Place {
+    /// The place in a file that an error is about.
+    pub fn of_file(path: &Path, error: &FileError) -> Self {
+        Self {
+            path: Some(path.to_owned()),
+            line: error.line,
+            column: error.column,
+            key: error.key.clone(),
+            value: error.value.clone(),
+            source: None,
+        }
+    }
+
+    /// The beginning of a message about this place: ``path:line:column: `key = value`: ``. What is not known is left out; the text is empty if
+    /// nothing is known.
+    pub fn in_words(&self) -> String {
+        let in_file = |path: &Path| match (self.line, self.column) {
+            (Some(line), Some(column)) => format!("{}:{line}:{column}: ", path.display()),
+            (Some(line), None) => format!("{}:{line}: ", path.display()),
+            _ => format!("{}: ", path.display()),
+        };
+        let file = self.path.as_deref().map_or_else(String::new, in_file);
+        let setting = match (self.key.is_empty(), self.value.is_empty()) {
+            (false, false) => format!("`{} = {}`: ", self.key, self.value),
+            (false, true) => format!("`{}`: ", self.key),
+            (true, false) => format!("`{}`: ", self.value),
+            (true, true) => String::new(),
+        };
+        let source = self
+            .source
+            .as_ref()
+            .map_or_else(String::new, |source| format!("a fault of this program at {source}: "));
+        format!("{file}{setting}{source}")
+    }
+}
+
 impl Serialize for JobError {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         self.report().serialize(serializer)
@@ -251,14 +295,7 @@ impl JobError {
             },
             Self::Input { message, hint } => ErrorReport { hint: hint.clone(), ..report("input", message) },
             Self::File { path, error } => ErrorReport {
-                place: Some(Place {
-                    path: Some(path.clone()),
-                    line: error.line,
-                    column: error.column,
-                    key: error.key.clone(),
-                    value: error.value.clone(),
-                    source: None,
-                }),
+                place: Some(Place::of_file(path, error)),
                 hint: error.hint.clone().unwrap_or_default(),
                 ..report("file", &error.message)
             },
@@ -500,6 +537,32 @@ mod tests {
             assert_eq!(serde_json::to_value(&error).unwrap(), json);
             let back: ErrorReport = serde_json::from_value(json).unwrap();
             assert_eq!(back, error.report());
+        }
+    }
+
+    #[test]
+    fn an_error_in_words_begins_with_its_place() {
+        let place = |path: Option<&str>, line, key: &str, value: &str| Place {
+            path: path.map(PathBuf::from),
+            line,
+            column: line.map(|_| 9),
+            key: key.to_owned(),
+            value: value.to_owned(),
+            source: None,
+        };
+        for (place, words) in [
+            (Some(place(Some("a.toml"), Some(3), "b", "0")), "a.toml:3:9: `b = 0`: wrong"),
+            (Some(place(Some("a.toml"), None, "", "")), "a.toml: wrong"),
+            (Some(place(None, None, "trials", "7")), "`trials = 7`: wrong"),
+            (Some(place(None, None, "lens", "")), "`lens`: wrong"),
+            (
+                Some(Place { source: Some("job.rs:1:2".to_owned()), ..Place::default() }),
+                "a fault of this program at job.rs:1:2: wrong",
+            ),
+            (None, "wrong"),
+        ] {
+            let report = ErrorReport { place, ..JobError::failed("wrong").report() };
+            assert_eq!(report.in_words(), words);
         }
     }
 

@@ -193,11 +193,11 @@ fn units_of(root: &Path, context: &Context) -> Result<Vec<UnitRow>> {
                 let row = UnitRow { state: state.state().word().to_owned(), ..bare };
                 match state {
                     UnitState::Failed(failure) => UnitRow {
-                        reason: Some(failure.error.message),
+                        reason: Some(failure.error.in_words()),
                         seconds: Some(failure.cost.seconds),
                         ..row
                     },
-                    UnitState::Damaged(error) => UnitRow { reason: Some(error.message), ..row },
+                    UnitState::Damaged(error) => UnitRow { reason: Some(error.in_words()), ..row },
                     UnitState::Done(result) => {
                         files = store.files(&result);
                         UnitRow { seconds: Some(result.cost.seconds), ..row }

@@ -27,7 +27,7 @@ pub struct UnitStatus {
     pub seconds: Option<f64>,
     /// CPU seconds of all its attempts, s.
     pub cpu_seconds: Option<f64>,
-    /// Why it failed or what is damaged, with the hint.
+    /// Why it failed or what is damaged, with its place and the hint.
     pub error: Option<String>,
 }
 
@@ -117,10 +117,10 @@ pub fn status(sweep: &KeptSweep, root: &Path, seen: &mut Seen, cancel: &Cancel) 
     Ok(SweepStatus { title: sweep.title.clone(), units })
 }
 
-/// An error with its hint.
+/// An error with its place and its hint.
 fn in_one_text(error: &ErrorReport) -> String {
     match error.hint.as_str() {
-        "" => error.message.clone(),
-        hint => format!("{} (hint: {hint})", error.message),
+        "" => error.in_words(),
+        hint => format!("{} (hint: {hint})", error.in_words()),
     }
 }

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 
 use crate::base::{FileError, reason_and_hint};
 use crate::cli::code::Code;
-use crate::jobs::{Fault, JobError, Stopped, text_of_file};
+use crate::jobs::{Fault, JobError, Place, Stopped, text_of_file};
 use miette::{LabeledSpan, MietteDiagnostic, MietteHandlerOpts, NamedSource, Report};
 
 use super::plain::shown;
@@ -67,18 +67,8 @@ impl Failure {
 
     fn in_file(path: &Path, error: &FileError) -> Self {
         let name = shown(path);
-        let place = match (error.line, error.column) {
-            (Some(line), Some(column)) => format!("{name}:{line}:{column}"),
-            (Some(line), None) => format!("{name}:{line}"),
-            _ => name.clone(),
-        };
-        let said = match (error.key.is_empty(), error.value.is_empty()) {
-            (false, false) => format!("`{} = {}`: ", error.key, error.value),
-            (false, true) => format!("`{}`: ", error.key),
-            (true, false) => format!("`{}`: ", error.value),
-            (true, true) => String::new(),
-        };
-        let message = format!("{place}: {said}{}", error.message);
+        let place = Place::of_file(Path::new(&name), error);
+        let message = format!("{}{}", place.in_words(), error.message);
         let mut diagnostic = diagnostic(&message, error.hint.as_deref().unwrap_or(""));
         // Show the line itself, if the file can still be read.
         let shown =

@@ -263,7 +263,8 @@ fn a_sweep_of_a_job_is_run_here_gathered_and_a_failed_unit_run_again() {
     write(folder.path(), "t.toml", trace);
     let failed = run(folder.path(), &["sweep", "t.toml", "--submit", "here"]);
     assert_eq!(failed.code, Some(1), "{failed:?}");
-    assert!(failed.stdout.starts_with("1 done, 1 failed\n  field=400.0: "), "{}", failed.stdout);
+    let why = "  field=400.0: `field = 400`: not within 180 degrees";
+    assert!(failed.stdout.starts_with(&format!("1 done, 1 failed\n{why}")), "{}", failed.stdout);
     let retried = run(folder.path(), &["sweep", "t.toml", "--retry", "field=400.0"]);
     assert_eq!(retried.code, Some(1), "{retried:?}");
     let status = run_ok(folder.path(), &["sweep", "status", "sweeps/t", "--json"]).json();

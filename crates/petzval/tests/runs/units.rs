@@ -98,7 +98,8 @@ fn units_are_run_once_by_name_by_shard_and_again_on_request() {
     let all = run_units(&[], &[]);
     assert_eq!(all.code, Some(1), "{all:?}");
     assert!(all.stdout.starts_with("5 units: 0 done, 4 done before, 1 failed\n"), "{all:?}");
-    assert!(all.stdout.contains("bad: ") && all.stdout.contains("--retry --name bad"), "{all:?}");
+    let why = "bad: bad.toml:1:1: `units`: the key `units` is missing";
+    assert!(all.stdout.contains(why) && all.stdout.contains("--retry --name bad"), "{all:?}");
     let again = run_units(&["--retry", "--name", "bad", "--json"], &[]);
     assert_eq!((again.code, &again.json()["failed"][0]["attempt"]), (Some(1), &json!(2)));
 
@@ -109,6 +110,10 @@ fn units_are_run_once_by_name_by_shard_and_again_on_request() {
     assert!(zmx.count() == 1 && !here.join("there").exists());
     let status = run_ok(folder.path(), &["unit", "status", "store"]);
     assert!(status.stdout.ends_with("4 done, 1 failed\n"), "{status:?}");
+    let runs = run_ok(folder.path(), &["runs", "."]);
+    for listed in [&status, &runs] {
+        assert!(listed.stdout.contains("bad.toml:1:1: `units`: the key"), "{listed:?}");
+    }
     if cfg!(target_arch = "x86_64") {
         // The program starts again with the instruction set of the units.
         let status = run_ok(folder.path(), &["unit", "status", "store", "--json"]).json();

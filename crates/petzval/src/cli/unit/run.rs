@@ -162,7 +162,7 @@ fn in_words(units: usize, summary: &Summary) -> String {
     }
     let errors = failed.iter().map(|failed| (&failed.unit, &failed.error));
     for (unit, error) in errors.chain(damaged.iter().map(|damaged| (&damaged.unit, &damaged.error))) {
-        text += &format!("\n  {unit}: {}", error.message);
+        text += &format!("\n  {unit}: {}", error.in_words());
         if !error.hint.is_empty() {
             text += &format!("\n    hint: {}", error.hint);
         }

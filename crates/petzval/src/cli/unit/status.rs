@@ -48,8 +48,8 @@ pub fn run(args: Args) -> Result<Code, Failure> {
     print_response(args.json, &rows, || {
         for row in &rows {
             let more = match row {
-                Row { failure: Some(failure), .. } => failure.error.message.clone(),
-                Row { damage: Some(damage), .. } => damage.message.clone(),
+                Row { failure: Some(failure), .. } => failure.error.in_words(),
+                Row { damage: Some(damage), .. } => damage.in_words(),
                 Row { claim: Some(claim), .. } => format!("{} since {}", claim.holder, claim.began),
                 Row { cost: Some(cost), .. } => format!("{:.1} s", cost.seconds),
                 _ => String::new(),
