@@ -90,8 +90,7 @@ const CLOCK_JUMP_S: f64 = 60.0;
 /// Fails if the unit cannot be run at all (its request, version or instruction set), or if the store cannot be read or written. A job that
 /// fails is no error: [`Outcome::Failed`].
 pub fn run_unit(unit: &Unit, store: &Store, context: &Context, options: RunOptions) -> Result<Outcome> {
-    check(unit)?;
-    let prepared = Prepared::new(unit, context, &Digests::default())?;
+    let prepared = ready(unit, context, &Digests::default())?;
     run_prepared(&prepared, store, context, options, &mut Seen::default())
 }
 
@@ -113,8 +112,7 @@ pub fn run_all(
             summary.stopped = Some(Stopped::new("stopped before the first unit"));
             return Ok(summary);
         }
-        check(unit)?;
-        prepared.push(Prepared::new(unit, context, &digests)?);
+        prepared.push(ready(unit, context, &digests)?);
     }
     let store = open()?;
     if options.retries {
@@ -154,10 +152,12 @@ pub fn run_all(
     }
 }
 
-/// Fails if this process would give another result than the unit says.
-fn check(unit: &Unit) -> Result<()> {
-    unit.check_version()?;
-    unit.check_level()
+/// A unit that this process can run. Fails as well if it would give another result than the unit says.
+fn ready(unit: &Unit, context: &Context, digests: &Digests) -> Result<Prepared> {
+    // Before inputs are read, which may be large.
+    unit.check()?;
+    unit.check_level()?;
+    Prepared::checked(unit, context, digests)
 }
 
 /// Waits, but not longer than until the context is cancelled.

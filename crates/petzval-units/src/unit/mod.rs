@@ -105,6 +105,12 @@ impl Unit {
         ))
     }
 
+    /// Fails if this program cannot run the unit on any machine: it has another version, or there is no such instruction set.
+    pub fn check(&self) -> Result<()> {
+        self.check_version()?;
+        self.simd_variable().map(|_| ())
+    }
+
     /// The value of `PETZVAL_SIMD` with which a process computes as the unit says. Fails if there is no such instruction set.
     pub fn simd_variable(&self) -> Result<&'static str> {
         match self.simd.as_str() {

@@ -43,6 +43,12 @@ impl Prepared {
         Self::of(unit, context, digests).map_err(named)
     }
 
+    /// As [`Prepared::new`], for a unit that is to be run. Fails as [`Unit::check`] does as well.
+    pub fn checked(unit: &Unit, context: &Context, digests: &Digests) -> Result<Self> {
+        unit.check()?;
+        Self::new(unit, context, digests)
+    }
+
     fn of(unit: &Unit, context: &Context, digests: &Digests) -> Result<Self> {
         // The key has no place for it: a later form would be taken for this one.
         if unit.call.format != CALL_FORMAT {

@@ -135,10 +135,18 @@ fn what_cannot_be_run_is_named_before_anything_is_written() {
     refused(&[ray("a", 0.0)], &["--name", "b"], &["--name b", "no unit of this name"]);
     refused(&[ray("a", 0.0)], &["--shard", "2/2"], &["0/4 to 3/4"]);
     let versioned = ray("a", 0.0).replacen('{', "{\"version\": \"0.0.1\", ", 1);
-    refused(&[versioned], &[], &["units.jsonl:1", "`version` is 0.0.1"]);
+    // The list of units refuses what no machine can run, too.
+    let refused_by_both = |lines: &[String], needles: &[&str]| {
+        refused(lines, &[], needles);
+        run_fails(folder.path(), &["unit", "list", "units.jsonl"], 2, needles);
+    };
+    refused_by_both(&[versioned], &["units.jsonl:1", "`version` is 0.0.1"]);
+    let unknown = ray("a", 0.0).replacen('{', "{\"simd\": \"sse9\", ", 1);
+    refused_by_both(&[unknown], &["units.jsonl:1", "`simd` is sse9", "avx2, avx512, neon or scalar"]);
     let foreign = if cfg!(target_arch = "aarch64") { "avx2" } else { "neon" };
     let other = ray("a", 0.0).replacen('{', &format!("{{\"simd\": \"{foreign}\", "), 1);
     refused(&[other], &[], &[foreign, "the widest of this machine"]);
+    run_ok(folder.path(), &["unit", "list", "units.jsonl"]);
 }
 
 /// A design and an optimisation that are killed as by a power cut, and stopped by signals, end with the bits of an uninterrupted run.

@@ -12,6 +12,8 @@ use super::super::terminal::{Terminal, print_response};
 use super::run::context;
 
 /// List the units of a file with their keys. Every unit is checked as before its run.
+///
+/// Only whether this machine has the instruction set of a unit is not looked at: another one may run it.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// File of units, one in each line as JSON
@@ -37,7 +39,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let file = read_units(&args.file)?;
     let context = context(&args.file, terminal)?;
     let digests = Digests::default();
-    let prepared = |unit| Prepared::new(unit, &context, &digests);
+    let prepared = |unit| Prepared::checked(unit, &context, &digests);
     let all = file.units.iter().map(prepared).collect::<Result<Vec<_>, _>>();
     drop(context);
     let all = all?;
