@@ -6,7 +6,8 @@ use std::path::Path;
 use petzval_base::FileError;
 use petzval_jobs::design::{Changes, NewRun, Request, Run, Settings, VariantNames};
 use petzval_jobs::{
-    Call, Context, DEVICES, ExperimentInput, InputKind, JobError, MOST_THREADS, Result, design, row,
+    Call, Context, DEVICES, ExperimentInput, InputKind, JobError, MOST_THREADS, NamedInput, Result, design,
+    row,
 };
 use serde_json::{Map, Value};
 
@@ -223,7 +224,10 @@ impl Unresolved<'_> {
         };
         let experiment = name.as_str().unwrap_or_default().into();
         let new = NewRun { experiment, out: None, changes };
-        let resolved = design::resolved(&new, context).map_err(|error| self.explained(error))?;
+        let resolved = design::resolved(&new, context).map_err(|error| {
+            let name = new.experiment.to_string();
+            self.missing_experiment(name, context).unwrap_or_else(|| self.explained(error))
+        })?;
         if resolved.lens.ends_with(design::FITTED) {
             let hint = "write an experiment for it by `petzval init --lens LENS --out DIR`, and name its experiment.toml";
             return Err(self.source.at(&["experiment"], "this is a lens and not an experiment", hint));
@@ -279,9 +283,14 @@ impl Unresolved<'_> {
             // What is wrong in a file is shown there.
             return error;
         };
-        let end = "a relative path counts from the folder of the sweep";
-        let hint = if hint.is_empty() { end.to_owned() } else { format!("{hint}; {end}") };
-        self.at_request_key(key, &message, &hint)
+        self.at_request_key(key, &message, &from_the_folder(&hint))
+    }
+
+    /// The error of an experiment that is not there, at its name; none if there is one.
+    fn missing_experiment(&self, name: String, context: &Context) -> Option<JobError> {
+        let input = NamedInput { key: "experiment".to_owned(), kind: InputKind::Experiment, name };
+        let Err(JobError::Input { message, hint }) = input.check(context) else { return None };
+        Some(self.source.at(&["experiment"], message, from_the_folder(&hint)))
     }
 
     /// The error of a request, at the place of its key.
@@ -395,6 +404,12 @@ impl Unresolved<'_> {
         let name = self.source.path.display();
         JobError::input(format!("{name}: {}: {message}", self.in_words()), hint)
     }
+}
+
+/// The hint of an input that is named in the file of a sweep.
+fn from_the_folder(hint: &str) -> String {
+    let end = "a relative path counts from the folder of the sweep";
+    if hint.is_empty() { end.to_owned() } else { format!("{hint}; {end}") }
 }
 
 /// Makes texts that are paths of files or folders beside the sweep absolute, in a value and all below it. A path has a dot or a slash: a word may be

@@ -78,6 +78,13 @@ fn what_is_wrong_is_refused_with_its_place_and_nothing_is_written() {
             "experiment = \"cooke-triplet-nominal\"\n",
             &["s.toml:1:14:", "a lens and not an experiment", "petzval init --lens"],
         ),
+        (
+            "seeds = [1, 2]\nexperiment = \"none.toml\"\n",
+            &[
+                "s.toml:2:14: `experiment = \"none.toml\"`: no experiment called `none.toml`",
+                "the folder of the sweep",
+            ],
+        ),
         // What every unit has, in the table of its own.
         (
             "experiment = \"tiny.toml\"\n[set]\npsf.gird = 64\n[grid]\nseed = [1, 2]\n",
