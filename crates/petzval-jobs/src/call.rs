@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::context::Context;
-use crate::error::{JobError, Result};
+use crate::error::{JobError, Place, Result};
 use crate::glass::context_with;
 use crate::job::{Row, joined};
 use crate::keys::error_in_keys;
@@ -69,15 +69,19 @@ impl Call {
 
     /// Reads a call from a file. The error names the file, the line and the key.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = petzval_base::read_text(path).map_err(|e| {
-            JobError::input(format!("{}: {e}", path.display()), "give a call in JSON, as UTF-8 text")
-        })?;
-        Self::parse(&text).map_err(|error| match error {
-            JobError::Input { message, hint } => {
-                JobError::Input { message: format!("{}: {message}", path.display()), hint }
+        let in_file = |error: JobError| match error {
+            JobError::Input { message, hint, place } => {
+                let place = Place {
+                    path: Some(path.to_owned()),
+                    ..place.map_or_else(Place::default, |place| *place)
+                };
+                JobError::input(format!("{}: {message}", path.display()), hint).at_place(place)
             }
             other => other,
-        })
+        };
+        let text = petzval_base::read_text(path)
+            .map_err(|e| in_file(JobError::input(e.to_string(), "give a call in JSON, as UTF-8 text")))?;
+        Self::parse(&text).map_err(in_file)
     }
 
     /// Reads a call; a byte order mark is skipped. Fails on a key that is there twice. The error names the line and the key.
@@ -86,8 +90,9 @@ impl Call {
         let hint =
             "a call is {\"format\": 1, \"job\": NAME, \"request\": {...}}; `petzval jobs` lists the names";
         // A list would be read as the values of the keys in their order.
-        serde_json::from_str::<IgnoredAny>(text)
-            .map_err(|error| JobError::input(format!("call: {error}"), hint))?;
+        serde_json::from_str::<IgnoredAny>(text).map_err(|error| {
+            JobError::input(format!("call: {error}"), hint).at_place(line_of(&error, text))
+        })?;
         if !text.trim_start().starts_with('{') {
             return Err(JobError::input("call: expected an object", hint));
         }
@@ -99,7 +104,8 @@ impl Call {
         let Form { format } = read(text, hint)?;
         if format != CALL_FORMAT {
             let hint = format!("this program reads and writes format {CALL_FORMAT}");
-            return Err(JobError::input(format!("call: format {format} is not known"), hint));
+            let error = JobError::input(format!("call: format {format} is not known"), hint);
+            return Err(error.at_place(key("format", format)));
         }
         read(text, hint)
     }
@@ -113,7 +119,8 @@ impl Call {
     fn made(self, context: &Context) -> Result<Value> {
         if self.threads > MOST_THREADS {
             let message = format!("call: `threads` is {}, more than {MOST_THREADS}", self.threads);
-            return Err(JobError::input(message, "0 means those of the process"));
+            let error = JobError::input(message, "0 means those of the process");
+            return Err(error.at_place(key("threads", self.threads)));
         }
         let row = row(&self.job)?;
         let request = self.request_on_device(row)?;
@@ -140,13 +147,13 @@ impl Call {
         let (true, Some(keys)) = (takes_one, self.request.as_object()) else {
             let message =
                 format!("call: `device` is \"{device}\", and the job `{}` takes no device", self.job);
-            return Err(JobError::input(message, "leave it out"));
+            return Err(JobError::input(message, "leave it out").at_place(key("device", device)));
         };
         match keys.get("device") {
             Some(other) if other.as_str() != Some(device) => {
                 let message =
                     format!("call: `device` is \"{device}\", and the request has `device`: {other}");
-                Err(JobError::input(message, "name the device once"))
+                Err(JobError::input(message, "name the device once").at_place(key("device", device)))
             }
             _ => {
                 let mut keys = keys.clone();
@@ -164,8 +171,31 @@ fn read<T: DeserializeOwned>(text: &str, of_calls: &str) -> Result<T> {
         let (message, place) = said.rfind(" at line ").map_or((said.as_str(), ""), |at| said.split_at(at));
         let found = FileError::of_value(&error.path().to_string(), message);
         let hint = joined(found.hint.as_deref(), of_calls);
-        JobError::input(format!("call: {}{place}", FileError { hint: None, ..found }), hint)
+        let written = serde_json::from_str(text).unwrap_or(Value::Null);
+        let of_key = Place::of_key(&found.key, &written).unwrap_or_default();
+        let Place { line, column, .. } = line_of(error.inner(), text);
+        JobError::input(format!("call: {}{place}", FileError { hint: None, ..found }), hint).at_place(Place {
+            line,
+            column,
+            ..of_key
+        })
     })
+}
+
+/// The place of a key of a call with its value.
+fn key(key: &str, value: impl std::fmt::Display) -> Place {
+    Place { key: key.to_owned(), value: value.to_string(), ..Place::default() }
+}
+
+/// Line and column at which the text of a call is wrong. The reader counts columns in bytes.
+fn line_of(error: &serde_json::Error, text: &str) -> Place {
+    let line = text.lines().nth(error.line().saturating_sub(1)).unwrap_or_default();
+    let column = error.column().checked_sub(1).map(|before| {
+        let before = line.get(..before.min(line.len())).unwrap_or(line);
+        before.chars().count() as u32 + 1
+    });
+    let line = (error.line() > 0).then_some(error.line() as u32);
+    Place { line, column, ..Place::default() }
 }
 
 /// The row of a name. The error says which names come near.
@@ -177,7 +207,7 @@ pub fn row(name: &str) -> Result<&'static Row> {
             Some(near) => format!("did you mean `{near}`?"),
             None => format!("one of {}", names.join(", ")),
         };
-        JobError::input(format!("call: there is no job `{name}`"), hint)
+        JobError::input(format!("call: there is no job `{name}`"), hint).at_place(key("job", name))
     })
 }
 
@@ -213,5 +243,33 @@ mod tests {
             assert!(report.message.starts_with(says), "{}", report.message);
             assert!(report.hint.contains(hints), "{}", report.hint);
         }
+    }
+
+    #[test]
+    fn the_error_of_a_call_has_its_place() {
+        let with = |more: &str| format!("{{\"format\": 1,\n \"job\": \"lens-list\", {more}}}");
+        let of_key = |line: Option<u32>, key: &str, value: &str| (line, key.to_owned(), value.to_owned());
+        for (text, place) in [
+            (with("\"threads\": -2"), of_key(Some(2), "threads", "-2")),
+            (with("\"treads\": [2]"), of_key(Some(2), "treads", "[2]")),
+            ("{\n".to_owned(), of_key(Some(2), "", "")),
+            (with("").replace("1,", "7,"), of_key(None, "format", "7")),
+        ] {
+            let text = text.replace(", }", "}");
+            let found = Call::parse(&text).unwrap_err().report().place.unwrap();
+            assert_eq!((found.line, found.key, found.value), place, "{text}");
+        }
+        // Columns count characters.
+        let error = Call::parse("{\"é\": x}").unwrap_err().report();
+        assert_eq!(error.place.unwrap().column, Some(7), "{}", error.message);
+        let none = Call::new("lens-lst", nothing());
+        assert_eq!(row(&none.job).err().unwrap().report().place, Some(key("job", "lens-lst")));
+
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("call.json");
+        let place = || Call::read(&path).unwrap_err().report().place.unwrap();
+        assert_eq!(place(), Place::of_path(&path));
+        std::fs::write(&path, "{").unwrap();
+        assert_eq!((place().path, place().line), (Some(path.clone()), Some(1)));
     }
 }

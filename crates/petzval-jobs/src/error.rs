@@ -3,7 +3,7 @@
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use petzval_base::{Cancelled, FileError, InFile, LONGEST_NAME, reason_and_hint, write_whole};
+use petzval_base::{Cancelled, FileError, InFile, LONGEST_NAME, quote, reason_and_hint, write_whole};
 use petzval_design::error::{DesignError, WrongSetting};
 use petzval_files::raw_file::RawFileError;
 use petzval_files::{ImageError, decode};
@@ -16,6 +16,9 @@ pub(crate) const INLINE: &str = "inline";
 
 /// Where tables are that a request holds. They are read as a text that no user sees: errors name keys, not lines.
 pub(crate) const TABLES: &str = "tables";
+
+/// The kind of an input in a report.
+const INPUT: &str = "input";
 
 /// What to do where rights, or a file system that is read-only, keep a job from a file or folder.
 const RIGHTS: &str = "this user lacks a right there: make what is read readable; for results name another place with --out, or copy the folder to \
@@ -55,6 +58,8 @@ pub enum JobError {
         message: String,
         /// What to do instead; may be empty.
         hint: String,
+        /// The key of the request or the file, which the message names as well; none if it is not known.
+        place: Option<Box<Place>>,
     },
     /// A place in a file is wrong.
     #[error("{}: {error}", path.display())]
@@ -158,7 +163,7 @@ pub struct Place {
     /// The column in the line, in characters from 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub column: Option<u32>,
-    /// The key of the file, or of the request if there is no file.
+    /// The key of the file; where no file is wrong, of the request, or of the call around it.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub key: String,
     /// Its value as text.
@@ -172,12 +177,24 @@ pub struct Place {
 impl ErrorReport {
     /// Place and message on one line, as the command prints errors: ``lens.toml:3:9: `radius_mm = 0`: out of range``. The hint is left out.
     pub fn in_words(&self) -> String {
-        let place = self.place.as_ref().map_or_else(String::new, Place::in_words);
-        format!("{place}{}", self.message)
+        // The message of an input names its key or file itself.
+        let place = self.place.as_ref().filter(|_| self.kind != INPUT);
+        format!("{}{}", place.map_or_else(String::new, Place::in_words), self.message)
     }
 }
 
 impl Place {
+    /// The place of a file or folder that cannot be used as a whole.
+    pub fn of_path(path: impl Into<PathBuf>) -> Self {
+        Self { path: Some(path.into()), ..Self::default() }
+    }
+
+    /// The place of a key path such as `run.new.changes[0]` in a request or a call, with what stands there as text. None if the path is empty.
+    pub fn of_key(key: &str, of: &Value) -> Option<Self> {
+        let value = value_at(of, key).map_or_else(String::new, text_of);
+        (!key.is_empty()).then(|| Self { key: key.to_owned(), value, ..Self::default() })
+    }
+
     /// The place in a file that an error is about.
     pub fn of_file(path: &Path, error: &FileError) -> Self {
         Self {
@@ -219,6 +236,20 @@ impl Serialize for JobError {
     }
 }
 
+/// The value at a key path, in which places of lists stand in brackets or behind a point.
+fn value_at<'v>(of: &'v Value, key: &str) -> Option<&'v Value> {
+    let path = key.replace('[', ".").replace(']', "");
+    path.split('.').try_fold(of, |value, part| match value {
+        Value::Array(items) => items.get(part.parse::<usize>().ok()?),
+        other => other.get(part),
+    })
+}
+
+/// A value on one line: a text as it is, anything else as JSON; cut to a length that fits in a message.
+fn text_of(value: &Value) -> String {
+    quote(&value.as_str().map_or_else(|| value.to_string(), str::to_owned))
+}
+
 /// ` at PLACE`, or nothing.
 fn at(place: Option<&str>) -> String {
     place.map_or_else(String::new, |place| format!(" at {place}"))
@@ -239,10 +270,18 @@ impl JobError {
     pub fn input(message: impl Into<String>, hint: impl Into<String>) -> Self {
         let (message, hint) = (message.into(), hint.into());
         if !hint.is_empty() {
-            return Self::Input { message, hint };
+            return Self::Input { message, hint, place: None };
         }
         let (reason, hint) = reason_and_hint(&message);
-        Self::Input { message: reason.to_owned(), hint: hint.to_owned() }
+        Self::Input { message: reason.to_owned(), hint: hint.to_owned(), place: None }
+    }
+
+    /// The same error with its place, if it is an input of which only the message is known. Other errors have a place of their own.
+    pub fn at_place(self, place: Place) -> Self {
+        match self {
+            Self::Input { message, hint, .. } => Self::Input { message, hint, place: Some(Box::new(place)) },
+            other => other,
+        }
     }
 
     /// A job that failed though the request was proper.
@@ -293,7 +332,9 @@ impl JobError {
                 hint: hint.clone(),
                 ..report("setting", message)
             },
-            Self::Input { message, hint } => ErrorReport { hint: hint.clone(), ..report("input", message) },
+            Self::Input { message, hint, place } => {
+                ErrorReport { place: place.as_deref().cloned(), hint: hint.clone(), ..report(INPUT, message) }
+            }
             Self::File { path, error } => ErrorReport {
                 place: Some(Place::of_file(path, error)),
                 hint: error.hint.clone().unwrap_or_default(),
@@ -328,6 +369,18 @@ impl From<Cancelled> for JobError {
 
 impl From<DesignError> for JobError {
     fn from(error: DesignError) -> Self {
+        let place = match &error {
+            DesignError::Run { path, .. } | DesignError::Io { path, .. } => Some(Place::of_path(path)),
+            _ => None,
+        };
+        let made = Self::without_place(error);
+        if let Some(place) = place { made.at_place(place) } else { made }
+    }
+}
+
+impl JobError {
+    /// An error of a design; of one about a file or folder as a whole, the place is only in the message.
+    fn without_place(error: DesignError) -> Self {
         match error {
             DesignError::Input { path, error } => {
                 error_in_request(&path, &error).unwrap_or(Self::File { path, error })
@@ -514,6 +567,10 @@ mod tests {
                 json!({"kind": "input", "message": "no lens", "hint": "name one"}),
             ),
             (
+                JobError::input("`lens`: none", "name one").at_place(Place::of_path("a")),
+                json!({"kind": "input", "message": "`lens`: none", "hint": "name one", "place": {"path": "a"}}),
+            ),
+            (
                 JobError::File { path: "x.toml".into(), error },
                 json!({"kind": "file", "message": "too large", "hint": "1 or less",
                     "place": {"path": "x.toml", "line": 2, "column": 5, "key": "b", "value": "2"}}),
@@ -538,6 +595,29 @@ mod tests {
             let back: ErrorReport = serde_json::from_value(json).unwrap();
             assert_eq!(back, error.report());
         }
+    }
+
+    #[test]
+    fn a_key_path_has_its_value_as_text() {
+        let request = json!({"run": {"seeds": [1, 2.5], "name": "x"}, "set": {"a.b": 1}});
+        for (key, value) in [
+            ("run.seeds[1]", "2.5"),
+            ("run.seeds.0", "1"),
+            ("run.name", "x"),
+            ("run.seeds", "[1,2.5]"),
+            ("run.none", ""),
+            ("set.a.b", ""),
+        ] {
+            let place = Place::of_key(key, &request).unwrap();
+            assert_eq!((place.key.as_str(), place.value.as_str()), (key, value));
+        }
+        assert_eq!(Place::of_key("", &request), None);
+        // A message that names the key does not name it twice.
+        let error =
+            JobError::input("`run.name`: none", "").at_place(Place::of_key("run.name", &request).unwrap());
+        assert_eq!(error.report().in_words(), "`run.name`: none");
+        let of_run = JobError::from(DesignError::Run { path: "nope".into(), problem: "no run".to_owned() });
+        assert_eq!(of_run.report().place, Some(Place::of_path("nope")));
     }
 
     #[test]

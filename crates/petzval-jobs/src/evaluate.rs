@@ -390,7 +390,7 @@ pub(crate) fn camera_of(setup: &Setup, folder: &RunFolder, name: &str) -> Result
     let lens = camera_lens(folder, name)?.lens;
     let variant = setup.variants.iter().find(|variant| variant.name == name).ok_or_else(|| {
         let message = format!("{}: its experiment has no variant `{name}`", folder.root().display());
-        JobError::Input { message, hint: "put the experiment of the run back as it was".to_owned() }
+        JobError::input(message, "put the experiment of the run back as it was")
     })?;
     set_sight(&mut network, folder, variant, &lens)?;
     Ok(finished_camera(setup, variant, lens, &exposure, &isp, &network)?)

@@ -14,7 +14,7 @@ use serde_json::Value;
 
 use crate::as_unit::AsUnit;
 use crate::context::Context;
-use crate::error::{JobError, Result, Stopped};
+use crate::error::{JobError, Place, Result, Stopped};
 use crate::panic_place;
 use crate::results::NOWHERE;
 
@@ -103,7 +103,7 @@ impl Row {
 
     /// A request with every default filled in. A request that does not fit the schema is an error with the key that is wrong.
     pub fn filled_in(&self, request: Value) -> Result<Value> {
-        (self.filled_in)(request).map_err(|wrong| self.refused(wrong))
+        (self.filled_in)(request.clone()).map_err(|wrong| refused(self.name, wrong, &request))
     }
 
     /// As [`Row::filled_in`], for a unit of work: a folder of results that a call must name may be left out. The error names the key path, and
@@ -117,8 +117,8 @@ impl Row {
     }
 
     /// The error of a request that does not fit, from that of one of its keys.
-    pub fn refused(&self, wrong: FileError) -> JobError {
-        refused(self.name, wrong)
+    pub fn refused(&self, wrong: FileError, request: &Value) -> JobError {
+        refused(self.name, wrong, request)
     }
 
     /// A request with another seed; none if the job draws nothing at random.
@@ -144,13 +144,13 @@ impl Row {
     /// Runs it. A request that does not fit the schema is an error with the key that is wrong; a panic is a failure of this job alone.
     pub fn run(&self, request: Value, context: &Context) -> Result<Value> {
         let context = context.for_a_job();
-        let result = guarded(self.name, || (self.run)(request, &context));
+        let result = guarded(self.name, || (self.run)(request.clone(), &context));
         // Work that does not know of the context does not know what the job has written before.
         result.map_err(|error| match error {
             JobError::Stopped(stopped) if stopped.kept.is_empty() => {
                 Stopped { kept: context.written(), ..*stopped }.into()
             }
-            other => other,
+            other => at_named(other, &request),
         })
     }
 }
@@ -202,17 +202,44 @@ pub(crate) fn schema_hint(job: &str) -> String {
 }
 
 /// The error of a request of a job, from that of one of its keys.
-fn refused(job: &str, wrong: FileError) -> JobError {
-    let hint = wrong.hint.clone().unwrap_or_default();
-    JobError::input(format!("request of {job}: {}", FileError { hint: None, ..wrong }), hint)
+fn refused(job: &str, wrong: FileError, request: &Value) -> JobError {
+    let (hint, place) = (wrong.hint.clone().unwrap_or_default(), Place::of_key(&wrong.key, request));
+    let error = JobError::input(format!("request of {job}: {}", FileError { hint: None, ..wrong }), hint);
+    if let Some(place) = place { error.at_place(place) } else { error }
+}
+
+/// An error of an input with the key under which the request names that input. The message begins with its path, or says how it is called.
+fn at_named(error: JobError, request: &Value) -> JobError {
+    let JobError::Input { message, place, .. } = &error else { return error };
+    let known = place.as_deref().cloned().unwrap_or_default();
+    let begins = |text: &str| message.strip_prefix(text).is_some_and(|rest| rest.starts_with(": "));
+    let is_named = |text: &str| begins(text) || message.contains(&format!("called `{text}`"));
+    let found = known.key.is_empty().then(|| text_where(request, "", &is_named)).flatten();
+    let Some((key, value)) = found else { return error };
+    let path = known.path.clone().or_else(|| begins(&value).then(|| PathBuf::from(&value)));
+    error.at_place(Place { path, key, value, ..known })
+}
+
+/// The first text of a value that fits, with its key path.
+fn text_where(value: &Value, key: &str, fits: &dyn Fn(&str) -> bool) -> Option<(String, String)> {
+    let below = |part: &str| if key.is_empty() { part.to_owned() } else { format!("{key}.{part}") };
+    match value {
+        Value::String(text) => (!text.is_empty() && fits(text)).then(|| (key.to_owned(), text.clone())),
+        Value::Object(keys) => keys.iter().find_map(|(name, value)| text_where(value, &below(name), fits)),
+        Value::Array(items) => {
+            let mut items = items.iter().enumerate();
+            items.find_map(|(i, item)| text_where(item, &below(&i.to_string()), fits))
+        }
+        _ => None,
+    }
 }
 
 fn request<J: Job>(request: Value) -> Result<J::Request> {
-    read::<J>(request).map_err(|wrong| refused(J::NAME, wrong))
+    read::<J>(&request).map_err(|wrong| refused(J::NAME, wrong, &request))
 }
 
 /// A request as the job reads it. The error names the key path of what does not fit, and has a hint.
-fn read<J: Job>(request: Value) -> Result<J::Request, FileError> {
+fn read<J: Job>(request: &Value) -> Result<J::Request, FileError> {
     let hinted = |error: FileError| FileError {
         hint: Some(joined(error.hint.as_deref(), &schema_hint(J::NAME))),
         ..error
@@ -222,7 +249,7 @@ fn read<J: Job>(request: Value) -> Result<J::Request, FileError> {
     }
     if let Some(missing) = J::NEEDS.iter().find(|key| request.get(key).is_none()) {
         let error = FileError::of_value(missing, "the key is missing");
-        return Err(hinted(match misspelt::<J>(&request, missing) {
+        return Err(hinted(match misspelt::<J>(request, missing) {
             Some(key) => error.hint(format!("`{key}` is no key here; did you mean `{missing}`?")),
             None => error,
         }));
@@ -244,7 +271,7 @@ fn misspelt<J: Job>(request: &Value, missing: &str) -> Option<String> {
 
 /// A request as the job reads it, with every default filled in.
 fn filled_in<J: Job>(of: Value) -> Result<Value, FileError> {
-    serde_json::to_value(read::<J>(of)?).map_err(|e| FileError::of_value(".", &e.to_string()))
+    serde_json::to_value(read::<J>(&of)?).map_err(|e| FileError::of_value(".", &e.to_string()))
 }
 
 fn to_json(of: &impl Serialize) -> Result<Value> {
@@ -320,6 +347,34 @@ mod tests {
         assert!(matches!(&error, JobError::Panic { place: Some(_), .. }), "{error}");
         assert!(error.to_string().ends_with(": one is too few: 1"), "{error}");
         assert_eq!(row.run(2.into(), &context).unwrap(), 2);
+    }
+
+    #[test]
+    fn the_error_of_a_request_has_the_key_and_the_value() {
+        let context = Context::new(crate::built_in_assets(), Arc::new(Silent));
+        let place = |path: Option<&str>, key: &str, value: &str| Place {
+            path: path.map(PathBuf::from),
+            key: key.to_owned(),
+            value: value.to_owned(),
+            ..Place::default()
+        };
+        let lens = "cooke-triplet-nominal";
+        for (job, request, expected) in [
+            ("data-check", serde_json::json!({"data": 5}), place(None, "data", "5")),
+            ("lens-trace", serde_json::json!({"field": "a"}), place(None, "lens", "")),
+            ("lens-show", serde_json::json!({"lens": lens, "lenss": "x"}), place(None, "lenss", "x")),
+            // What is named, and is not there.
+            (
+                "data-check",
+                serde_json::json!({"data": "no/where"}),
+                place(Some("no/where"), "data", "no/where"),
+            ),
+            ("report", serde_json::json!({"run": "no/where"}), place(Some("no/where"), "run", "no/where")),
+            ("lens-show", serde_json::json!({"lens": "nowhere"}), place(None, "lens", "nowhere")),
+        ] {
+            let report = crate::row(job).unwrap().run(request, &context).unwrap_err().report();
+            assert_eq!((report.kind.as_str(), report.place), ("input", Some(expected)), "{job}");
+        }
     }
 
     #[test]

@@ -67,7 +67,10 @@ pub fn error_in_keys(error: JobError) -> JobError {
         JobError::Setting { key, value, message, hint } => {
             JobError::Setting { key, value, message: in_keys(&message), hint: in_keys(&hint) }
         }
-        JobError::Input { message, hint } => JobError::input(in_keys(&message), in_keys(&hint)),
+        JobError::Input { message, hint, place } => {
+            let error = JobError::input(in_keys(&message), in_keys(&hint));
+            if let Some(place) = place { error.at_place(*place) } else { error }
+        }
         JobError::Failed(message) => JobError::failed(in_keys(&message)),
         JobError::Stopped(stopped) => {
             let message = in_keys(&stopped.message);

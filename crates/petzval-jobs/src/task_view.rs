@@ -258,7 +258,7 @@ fn ready(request: &Request, start: Option<&str>, context: &Context) -> Result<Re
                 ));
             }
             None => last(&finished, &setup).ok_or_else(|| match none_finished(&folder) {
-                JobError::Input { message, hint } => {
+                JobError::Input { message, hint, .. } => {
                     JobError::input(message, format!("{hint}, or name its experiment in place of the run"))
                 }
                 other => other,

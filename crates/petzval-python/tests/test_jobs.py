@@ -2,6 +2,7 @@ import logging
 import threading
 import time
 import warnings
+from pathlib import Path
 
 import pytest
 
@@ -22,6 +23,16 @@ def test_a_wrong_key_is_named() -> None:
     assert isinstance(caught.value, ValueError) and caught.value.kind == "input"
     with pytest.raises(pz.InputError, match="did you mean `lens-show`"):
         pz.jobs.run("lens-sho")
+    for request, place in [
+        ({"data": 5}, pz.Place(key="data", value="5")),
+        ({"data": "no-folder"}, pz.Place(path=Path("no-folder"), key="data", value="no-folder")),
+    ]:
+        with pytest.raises(pz.InputError) as caught:
+            pz.jobs.run("data-check", request)
+        assert caught.value.place == place
+    with pytest.raises(pz.InputError, match="not a run folder") as caught:
+        pz.Run("no-folder")
+    assert caught.value.place.path == Path("no-folder") and "petzval runs" in caught.value.hint
 
 
 def test_an_error_in_a_file_has_its_place(tmp_path) -> None:

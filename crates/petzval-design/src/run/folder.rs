@@ -73,7 +73,8 @@ impl RunFolder {
                 Ok(_) => "it is a file",
                 Err(_) => "there is no such folder",
             };
-            let problem = format!("not a run folder: {why}");
+            let hint = "give the folder of a run; `petzval runs DIR` lists those below a folder";
+            let problem = format!("not a run folder: {why}; hint: {hint}");
             return Err(DesignError::Run { path: root.to_path_buf(), problem });
         }
         Ok(folder)

@@ -292,7 +292,7 @@ fn view(
 /// Turns an error about captures into one of the job; where the error has no hint, the hint names the folder.
 fn described_in(folder: &Path) -> impl Fn(PsfCalibrationError) -> JobError {
     move |error| match JobError::from(error) {
-        JobError::Input { message, hint } if hint.is_empty() => {
+        JobError::Input { message, hint, .. } if hint.is_empty() => {
             JobError::input(message, format!("the captures are described in {}", folder.display()))
         }
         other => other,

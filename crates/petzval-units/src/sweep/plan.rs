@@ -279,7 +279,7 @@ impl Unresolved<'_> {
 
     /// An error of an input that the request names at a key.
     fn at_input(&self, key: &str, error: JobError) -> JobError {
-        let JobError::Input { message, hint } = error else {
+        let JobError::Input { message, hint, .. } = error else {
             // What is wrong in a file is shown there.
             return error;
         };
@@ -289,7 +289,7 @@ impl Unresolved<'_> {
     /// The error of an experiment that is not there, at its name; none if there is one.
     fn missing_experiment(&self, name: String, context: &Context) -> Option<JobError> {
         let input = NamedInput { key: "experiment".to_owned(), kind: InputKind::Experiment, name };
-        let Err(JobError::Input { message, hint }) = input.check(context) else { return None };
+        let Err(JobError::Input { message, hint, .. }) = input.check(context) else { return None };
         Some(self.source.at(&["experiment"], message, from_the_folder(&hint)))
     }
 
@@ -362,7 +362,7 @@ impl Unresolved<'_> {
             JobError::Setting { key: "steps", message, hint, .. } => {
                 self.source.at(&["steps"], message, hint)
             }
-            JobError::Input { message, hint } => {
+            JobError::Input { message, hint, .. } => {
                 // Requests name the key that is wrong.
                 let swept =
                     self.expansion.keys.iter().find(|key| message.contains(&format!("`{}`", key.key)));

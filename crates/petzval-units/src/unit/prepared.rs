@@ -35,7 +35,7 @@ impl Prepared {
     /// job draws nothing at random. Fails if an input cannot be read, or if the unit has a key and it is another one.
     pub fn new(unit: &Unit, context: &Context, digests: &Digests) -> Result<Self> {
         let named = |error: JobError| match error {
-            JobError::Input { message, hint } => unit.refused(&message, hint),
+            JobError::Input { message, hint, .. } => unit.refused(&message, hint),
             JobError::Setting { ref hint, .. } => unit.refused(&error.to_string(), hint),
             // What is wrong in a file that the unit names is shown there.
             other => other,
@@ -100,9 +100,10 @@ fn changed(inputs: &[InputDigest]) -> JobError {
 
 /// The request with every default, the seed of the unit, and nowhere to write to. It may leave its folder of results out.
 fn complete(unit: &Unit, row: &Row) -> Result<Value> {
-    let request = row.filled_in_as_unit(unit.call.request.clone()).map_err(|wrong| row.refused(wrong))?;
-    if let Some(wrong) = row.out_of_range(&unit.call.request) {
-        return Err(row.refused(wrong));
+    let given = &unit.call.request;
+    let request = row.filled_in_as_unit(given.clone()).map_err(|wrong| row.refused(wrong, given))?;
+    if let Some(wrong) = row.out_of_range(given) {
+        return Err(row.refused(wrong, given));
     }
     let request = match unit.seed {
         None => request,

@@ -36,13 +36,9 @@ pub struct Args {
 
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
-    let call = match args.file.filter(|path| *path != Path::new("-")) {
-        Some(path) => Call::read(&path)?,
-        None => {
-            let text = io::read_to_string(io::stdin())
-                .map_err(|e| Failure::input(format!("stdin: {e}"), "give the call as UTF-8 text"))?;
-            Call::parse(&text)?
-        }
+    let call = match read(args.file.as_deref()) {
+        Ok(call) => call,
+        Err(error) => return Ok(failed(&error, args.events)),
     };
     let context = if args.events { terminal.context_of(Arc::new(JsonLines)) } else { terminal.context() };
     let stop = if args.events { signals::stop_quietly()? } else { signals::stop_on_signal()? };
@@ -57,13 +53,27 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     {
         print_json(response)?;
     }
-    let failure = Failure::of_call(&error);
-    Ok(if args.events {
-        line(&Ended { event: "error", error: error.report() });
-        failure.code()
-    } else {
-        failure.report()
-    })
+    Ok(failed(&error, args.events))
+}
+
+/// The call of a file, or of stdin.
+fn read(file: Option<&Path>) -> Result<Call, JobError> {
+    if let Some(path) = file.filter(|path| *path != Path::new("-")) {
+        return Call::read(path);
+    }
+    let text = io::read_to_string(io::stdin())
+        .map_err(|e| JobError::input(format!("stdin: {e}"), "give the call as UTF-8 text"))?;
+    Call::parse(&text)
+}
+
+/// Prints why a call has no response, as JSON where events are; returns the exit code.
+fn failed(error: &JobError, is_json: bool) -> Code {
+    let failure = Failure::of_call(error);
+    if !is_json {
+        return failure.report();
+    }
+    line(&Ended { event: "error", error: error.report() });
+    failure.code()
 }
 
 /// The last line of events where a job has no response.

@@ -122,7 +122,7 @@ impl From<JobError> for Failure {
                 let named = if value.is_empty() { flag } else { format!("{flag} {value}") };
                 (format!("{named}: {message}"), hint)
             }
-            JobError::Input { message, hint } => (message, hint),
+            JobError::Input { message, hint, .. } => (message, hint),
             JobError::Failed(message) => (message, String::new()),
             JobError::Stopped(stopped) => (stopped.message.clone(), kept_in_words(&stopped)),
             error @ JobError::Panic { .. } => {

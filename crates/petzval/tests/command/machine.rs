@@ -5,7 +5,7 @@ use std::process::Stdio;
 
 use serde_json::Value;
 
-use crate::common::{outcome, petzval, run_fails, run_ok};
+use crate::common::{outcome, petzval, run, run_fails, run_ok};
 
 #[test]
 fn doctor_describes_the_machine() {
@@ -310,4 +310,13 @@ fn events_of_a_call_are_json_lines_and_the_last_one_is_the_error() {
     assert!(error["hint"].as_str().unwrap().starts_with("\"overwrite\": true replaces it"), "{error}");
     let whole = format!(r#"{{"format": 1, "job": "lens-analyze", "request": {request}, "overwrite": true}}"#);
     assert!(events(&whole, 0).0.contains("analysis.json"));
+
+    // What cannot be read as a call ends with JSON, too.
+    let (_, said) = events("{\n", 2);
+    assert_eq!((said.len(), &said[0]["event"], &said[0]["place"]["line"]), (1, &"error".into(), &2.into()));
+    let (_, said) = events(r#"{"format": 1, "job": "data-check", "request": {"data": 5}}"#, 2);
+    assert_eq!(said[0]["place"], serde_json::json!({"key": "data", "value": "5"}));
+    let none = run(folder.path(), &["call", "none.json", "--events"]);
+    let error: Value = serde_json::from_str(&none.stderr).unwrap();
+    assert_eq!((none.code, &error["place"]["path"]), (Some(2), &"none.json".into()), "{none:?}");
 }
