@@ -123,10 +123,9 @@ mod tests {
     fn a_refused_run_leaves_what_a_user_had_before() {
         let place = tempfile::tempdir().unwrap();
         let root = place.path().join("run");
-        for folder in ["lens", "pictures"] {
-            fs::create_dir_all(root.join(folder)).unwrap();
-        }
-        for file in ["pictures/mine.png", "notes.txt"] {
+        fs::create_dir(&root).unwrap();
+        // What the shell and the scheduler that start the run make there.
+        for file in [".nfs1", "train.log", "slurm-1.out"] {
             fs::write(root.join(file), "mine").unwrap();
         }
         let before = tree(place.path());
@@ -144,6 +143,56 @@ mod tests {
         let mut expected: Vec<PathBuf> = before.into_iter().chain(more).collect();
         expected.sort();
         assert_eq!(tree(place.path()), expected);
+    }
+
+    #[test]
+    fn a_run_does_not_begin_among_files_of_others() {
+        let place = tempfile::tempdir().unwrap();
+        for (number, file) in [
+            "report.html",
+            "metrics.csv",
+            "metrics.json",
+            "run.json",
+            "inputs/lens.toml",
+            "pictures/a.png",
+            "d/e",
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            let root = place.path().join(number.to_string());
+            fs::create_dir_all(root.join(file).parent().unwrap()).unwrap();
+            fs::write(root.join(file), "mine").unwrap();
+            let before = tree(&root);
+            let error = BegunRun::new(&root).unwrap_err().to_string();
+            let first = file.split('/').next().unwrap();
+            assert!(error.contains(&format!("is not empty: {first}; hint: ")), "{error}");
+            assert_eq!(tree(&root), before);
+        }
+    }
+
+    #[test]
+    fn a_run_that_was_killed_before_its_first_step_can_begin_again() {
+        let place = tempfile::tempdir().unwrap();
+        let root = place.path().join("run");
+        let (folder, lock) = BegunRun::new(&root).unwrap().keep();
+        for path in [folder.environment(), folder.device(), folder.nominal_lens(), folder.record()] {
+            fs::write(path, "{}").unwrap();
+        }
+        // The lock ends with the process, and its file stays.
+        drop(lock);
+        drop(BegunRun::new(&root).unwrap());
+        // What comes later is not of a beginning.
+        for path in [folder.metrics(), folder.picture("a.png")] {
+            fs::write(&path, "{}").unwrap();
+            let error = BegunRun::new(&root).unwrap_err().to_string();
+            assert!(error.contains("is not empty"), "{error}");
+            fs::remove_file(&path).unwrap();
+        }
+        // Without the lock no run was begun here.
+        fs::remove_file(root.join(LOCK)).unwrap();
+        let error = BegunRun::new(&root).unwrap_err().to_string();
+        assert!(error.contains("is not empty: cameras, checkpoints, device.json and 5 more"), "{error}");
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Paths of a run folder, and writing that is never seen half done.
 
 use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use petzval_base::{WorkLock, sweep_parts, write_whole};
@@ -17,6 +18,15 @@ pub(super) const LOCK: &str = "run.lock";
 
 /// The folders that every run has.
 pub(super) const PARTS: [&str; 5] = ["checkpoints", "lens", "cameras", "pictures", "inputs"];
+
+/// What a run writes before its `config.toml`, beside its empty [`PARTS`]: a process that is killed until then leaves it.
+const BEGINNING: [&str; 6] = [LOCK, "inputs", "environment.json", "device.json", "tuning", "run.json"];
+
+/// Endings of files into which shells and schedulers write what a command prints. No file of a run has one of them.
+const LOG_ENDINGS: [&str; 3] = [".log", ".out", ".err"];
+
+/// Names that a message lists of those in a folder.
+const NAMED: usize = 3;
 
 /// A run folder on disk.
 #[derive(Clone, Debug)]
@@ -40,28 +50,61 @@ impl RunFolder {
         Self { root: root.to_path_buf() }
     }
 
-    /// Sees that a new run can begin in this folder, which need not exist. Fails if it is a file, or holds a run or a part of one.
+    /// Sees that a new run can begin in this folder, which need not exist. Logs, hidden files and what a run left that was killed before its first
+    /// step may be in it. Fails if it is a file, or holds a run or anything else, and with the system's errors.
     pub fn check_new(root: &Path) -> Result<()> {
         let folder = Self::at(root);
+        let refused = |problem: &str, hint: &str| {
+            Err(DesignError::Run { path: root.to_path_buf(), problem: format!("{problem}; hint: {hint}") })
+        };
         if root.exists() && !root.is_dir() {
-            let problem = "this is a file; --out takes a folder, which is made if need be".to_owned();
-            return Err(DesignError::Run { path: root.to_path_buf(), problem });
+            return refused("this is a file", "--out takes a folder, which is made if need be");
         }
         if folder.config().exists() {
-            let problem = format!(
-                "this folder already holds a run; resume it with `--resume {}` or choose another with --out",
-                root.display()
-            );
-            return Err(DesignError::Run { path: root.to_path_buf(), problem });
+            let hint = format!("resume it with `--resume {}`, or choose another with --out", root.display());
+            return refused("this folder already holds a run", &hint);
         }
         // Checkpoints of another run would be taken for those of this one.
-        let is_empty = |mut entries: fs::ReadDir| entries.next().is_none();
-        if !fs::read_dir(folder.checkpoints()).map_or(true, is_empty) {
-            let problem =
-                "this folder holds checkpoints, though no config.toml; choose another with --out".to_owned();
-            return Err(DesignError::Run { path: root.to_path_buf(), problem });
+        if !is_empty(&folder.checkpoints()) {
+            return refused(
+                "this folder holds checkpoints, though no config.toml",
+                "choose another with --out",
+            );
         }
-        Ok(())
+        let others = folder.others()?;
+        if others.is_empty() {
+            return Ok(());
+        }
+        let more =
+            if others.len() > NAMED { format!(" and {} more", others.len() - NAMED) } else { String::new() };
+        let named = others[..others.len().min(NAMED)].join(", ");
+        refused(
+            &format!("this folder is not empty: {named}{more}"),
+            "a run needs a folder of its own: choose another with --out; it is made if need be",
+        )
+    }
+
+    /// The names in the folder that a new run would mix with its own, in order. A folder that is not there has none.
+    fn others(&self) -> Result<Vec<String>> {
+        let entries = match fs::read_dir(&self.root) {
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
+            entries => entries.map_err(DesignError::io(&self.root))?,
+        };
+        // The lock is the first file of every run.
+        let was_begun = self.root.join(LOCK).is_file();
+        let is_left = |name: &str| {
+            BEGINNING.contains(&name) || PARTS.contains(&name) && is_empty(&self.root.join(name))
+        };
+        let mut others = Vec::new();
+        for entry in entries {
+            let name = entry.map_err(DesignError::io(&self.root))?.file_name().to_string_lossy().into_owned();
+            let is_log = name.starts_with('.') || LOG_ENDINGS.iter().any(|ending| name.ends_with(ending));
+            if !is_log && !(was_begun && is_left(&name)) {
+                others.push(name);
+            }
+        }
+        others.sort();
+        Ok(others)
     }
 
     /// Opens a run folder that exists.
@@ -263,6 +306,11 @@ impl RunFolder {
     pub fn picture(&self, file: &str) -> PathBuf {
         self.root.join("pictures").join(file)
     }
+}
+
+/// Whether a folder holds nothing, or is not there.
+fn is_empty(folder: &Path) -> bool {
+    fs::read_dir(folder).map_or(true, |mut entries| entries.next().is_none())
 }
 
 /// Reads a JSON file of a run.

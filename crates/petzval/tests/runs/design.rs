@@ -436,6 +436,16 @@ fn a_run_is_never_overwritten() {
     // Checkpoints without an experiment would count as those of the new run.
     std::fs::remove_file(folder.path().join("run/config.toml")).unwrap();
     run_fails(folder.path(), &again, 2, &["run: this folder holds checkpoints", "--out"]);
+    // Nor does one come among files of the user, whether it is checked or begun.
+    std::fs::create_dir_all(folder.path().join("mine/pictures")).unwrap();
+    for file in ["mine/report.html", "mine/pictures/a.png"] {
+        std::fs::write(folder.path().join(file), "mine").unwrap();
+    }
+    for more in [&[][..], &["--check"], &["--force"]] {
+        let args = [&["design", "tiny.toml", "--out", "mine"], more].concat();
+        let says = ["mine: this folder is not empty: pictures, report.html", "choose another with --out"];
+        run_fails(folder.path(), &args, 2, &says);
+    }
 }
 
 #[test]
