@@ -108,7 +108,11 @@ impl Store {
     fn next_attempt(&self, key: &Key, retries: bool, seen: &mut Seen) -> Result<Next, StoreError> {
         // Before the look at the unit: what another process sets aside after that look has this name.
         let aside = retries.then(|| self.name_aside(key));
-        let (state, now) = (self.state(key, seen)?, self.clock.now());
+        let state = match self.state(key, seen)? {
+            UnitState::Done(result) => self.read_in_full(result)?,
+            other => other,
+        };
+        let now = self.clock.now();
         Ok(match state {
             UnitState::Done(result) => Next::Leave(Begun::Done(result)),
             UnitState::Running { attempt, claim } => {
@@ -276,6 +280,11 @@ impl Attempt {
         let own = self.folder();
         let has_files = store.layer.list(&own).is_ok_and(|names| !names.is_empty());
         let path = store.result_file(&key);
+        let contents = if has_files { store.contents(&own) } else { Ok(Vec::new()) };
+        if contents.is_err() {
+            // Others need not wait until the claim is stale.
+            let _unended = self.end(Ended::Stopped);
+        }
         let result = StoredResult {
             format: STORE_FORMAT,
             unit: self.prepared.unit.clone(),
@@ -284,6 +293,7 @@ impl Attempt {
             attempt: self.number,
             response,
             files: has_files.then(|| own.file_name().map(PathBuf::from)).flatten(),
+            contents: contents.map_err(StoreError::io(&own))?,
             cost: self.cost(),
             sha256: None,
         };

@@ -5,6 +5,10 @@ use std::io::{self, ErrorKind, Write};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use petzval_design::run::hex;
+use petzval_files::coco::content_digest;
+use sha2::{Digest, Sha256};
+
 /// What a store does with files.
 ///
 /// A change may become visible to other machines seconds later, and listings may be in any order. Only `create` and the new name of a folder are
@@ -12,6 +16,16 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub trait FileLayer: Send + Sync {
     /// The bytes of a file.
     fn read(&self, path: &Path) -> io::Result<Vec<u8>>;
+
+    /// Bytes of a file. Fails with `NotFound` if there is no such file.
+    fn size(&self, path: &Path) -> io::Result<u64> {
+        self.read(path).map(|bytes| bytes.len() as u64)
+    }
+
+    /// SHA-256 of the content of a file, hexadecimal.
+    fn digest(&self, path: &Path) -> io::Result<String> {
+        self.read(path).map(|bytes| hex(Sha256::new_with_prefix(bytes)))
+    }
 
     /// Whether there is a folder.
     fn is_folder(&self, path: &Path) -> bool;
@@ -55,6 +69,15 @@ const DEPTH: usize = 64;
 impl FileLayer for Disk {
     fn read(&self, path: &Path) -> io::Result<Vec<u8>> {
         petzval_base::read_whole(path)
+    }
+
+    fn size(&self, path: &Path) -> io::Result<u64> {
+        let file = fs::metadata(path)?;
+        if file.is_file() { Ok(file.len()) } else { Err(ErrorKind::NotFound.into()) }
+    }
+
+    fn digest(&self, path: &Path) -> io::Result<String> {
+        content_digest(path)
     }
 
     fn is_folder(&self, path: &Path) -> bool {

@@ -11,7 +11,7 @@
 //! | `work-0001/` | its files: the checkpoint, and in the end the results |
 //! | `error.json` | why the last failed attempt failed |
 //! | `files/` | the results of the attempt that finished |
-//! | `result.json` | the result with a digest of its content; written last, exclusively |
+//! | `result.json` | the result with the digests of its files and one of its content; written last, exclusively |
 //!
 //! Attempts are numbered. Whoever makes the claim of the next number has the unit, so that no claim is ever removed and no two processes take
 //! over the same one. A claim is stale if its process is known to be gone, or if it has not changed for [`STALE_AFTER`] by the clock of the
@@ -19,6 +19,7 @@
 
 mod attempt;
 mod clock;
+mod contents;
 mod error;
 mod gather;
 mod layer;
@@ -45,7 +46,7 @@ pub use error::StoreError;
 pub use gather::{Joined, gather_tolerances, parts_of};
 pub use layer::{Disk, FileLayer};
 pub use petzval_design::run::Holder;
-pub use record::{Claim, Cost, Failure, STORE_FORMAT, StoredResult};
+pub use record::{Claim, Cost, Failure, STORE_FORMAT, StoredFile, StoredResult};
 pub use runner::{Damage, Outcome, RunOptions, Summary, run_all, run_unit};
 pub use state::{Seen, State, UnitState};
 
@@ -60,6 +61,10 @@ const VISIBLE_WITHIN: Duration = Duration::from_secs(90);
 
 /// The file that makes a folder a store.
 pub(crate) const STORE: &str = "store.json";
+
+/// What to do where a result is not what its unit wrote.
+const PUT_BACK: &str =
+    "put it back from a copy, or run the unit again with --retry, which sets its folder aside";
 
 /// A store of results.
 #[derive(Clone)]
@@ -156,9 +161,7 @@ impl Store {
         let written: Value = self.parse(&bytes, &path)?;
         if !is_as_written(&written) {
             let message = "this is not what the unit wrote: its content does not agree with its `sha256`";
-            let hint =
-                "put it back from a copy, or run the unit again with --retry, which sets its folder aside";
-            return Err(StoreError::wrong(&path, message, hint));
+            return Err(StoreError::wrong(&path, message, PUT_BACK));
         }
         let result: StoredResult = self.parse(&bytes, &path)?;
         // A file that was copied by hand: its figures are those of other values.

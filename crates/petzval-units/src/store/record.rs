@@ -110,6 +110,18 @@ pub struct Cost {
     pub widest_simd: String,
 }
 
+/// A file of the results of a unit.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StoredFile {
+    /// Its path below the folder of results, with slashes.
+    pub path: String,
+    /// Its size, bytes.
+    pub bytes: u64,
+    /// SHA-256 of its content, hexadecimal.
+    pub sha256: String,
+}
+
 /// `result.json`: the result of a unit. It is written last, once.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -129,6 +141,9 @@ pub struct StoredResult {
     /// Folder of the results in the folder of the unit when the result was written; none if the job wrote nothing. It is called `files` as soon as
     /// it could be renamed.
     pub files: Option<PathBuf>,
+    /// The files of the results when the unit ended, in the order of their paths. Empty in a result of an earlier build, whose files are believed.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub contents: Vec<StoredFile>,
     /// What it cost.
     pub cost: Cost,
     /// SHA-256 of all the rest as JSON with sorted keys, hexadecimal: an edited result is not believed. None in a result of an earlier build, which

@@ -40,7 +40,7 @@ pub enum UnitState {
     Failed(Box<Failure>),
     /// It has a result.
     Done(Box<StoredResult>),
-    /// A file of its folder holds what this program does not write there. It is neither run nor counted.
+    /// A file of its folder holds what this program does not write there, or a file of its result is missing. It is neither run nor counted.
     Damaged(Box<ErrorReport>),
 }
 
@@ -154,6 +154,16 @@ impl Seen {
     }
 }
 
+/// A state, where what is wrong in the folder of the unit is one as well.
+fn or_damaged(state: Result<UnitState, StoreError>) -> Result<UnitState, StoreError> {
+    match state {
+        Err(damage @ StoreError::Wrong { .. }) => {
+            Ok(UnitState::Damaged(Box::new(JobError::from(damage).report())))
+        }
+        state => state,
+    }
+}
+
 impl Store {
     /// Remembers which units have failed by now. What fails later, in another process, is not run again by this one.
     pub fn note_failures<'k>(
@@ -172,18 +182,20 @@ impl Store {
     }
 
     /// Where a unit stands, as this process sees it. A claim of another machine counts as stale if `seen` has known it unchanged for
-    /// [`STALE_AFTER`]. Fails if the store cannot be read; a damaged unit is no such failure.
+    /// [`STALE_AFTER`]. Files of a result are looked at by their sizes. Fails if the store cannot be read; a damaged unit is no such failure.
     pub fn state(&self, key: &Key, seen: &mut Seen) -> Result<UnitState, StoreError> {
-        match self.state_by_files(key, seen) {
-            Err(damage @ StoreError::Wrong { .. }) => {
-                Ok(UnitState::Damaged(Box::new(JobError::from(damage).report())))
-            }
-            state => state,
-        }
+        or_damaged(self.state_by_files(key, seen))
+    }
+
+    /// A unit with a result, of which every file was read: damaged if one has another content.
+    pub(super) fn read_in_full(&self, result: Box<StoredResult>) -> Result<UnitState, StoreError> {
+        let checked = self.check_contents(&result, true);
+        or_damaged(checked.map(|()| UnitState::Done(result)))
     }
 
     fn state_by_files(&self, key: &Key, seen: &mut Seen) -> Result<UnitState, StoreError> {
         if let Some(result) = self.result(key)? {
+            self.check_contents(&result, false)?;
             return Ok(UnitState::Done(Box::new(result)));
         }
         // Claims are numbered without gaps, and never removed.

@@ -6,14 +6,14 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use petzval_jobs::JobError;
 use petzval_units::store::{
-    Attempt, Begun, Clock, Disk, Holder, Outcome, RunOptions, STALE_AFTER, Seen, Store, StoreError, run_all,
-    run_unit,
+    Attempt, Begun, Clock, Disk, Holder, Outcome, RunOptions, STALE_AFTER, Seen, Store, StoreError,
+    UnitState, run_all, run_unit,
 };
 use petzval_units::unit::{Prepared, Unit};
 use serde_json::json;
 
 use crate::layers::{Fault, Faulty, Simulated};
-use crate::{context, prepared, trivial};
+use crate::{context, prepared, trivial, unit};
 
 /// Another process each time, of whose end nobody knows.
 fn holder(pid: u32) -> Holder {
@@ -191,4 +191,63 @@ fn a_damaged_result_and_that_of_another_unit_are_refused_until_they_are_set_asid
         assert_eq!(error.fault(), petzval_jobs::Fault::Input);
         assert!(error.to_string().contains("result.json: this is a file"), "{error}");
     }
+}
+
+#[test]
+fn a_file_of_a_result_that_is_not_what_the_unit_wrote_is_named_until_it_is_set_aside() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = Store::open_or_new(&folder.path().join("store")).unwrap();
+    let convert = unit("convert", "lens-convert", json!({"from": "cooke-triplet-nominal", "to": "a.zmx"}));
+    let run = |retries: bool| {
+        run_unit(&convert, &store, &context(), RunOptions { retries, leaves_others: false }).unwrap()
+    };
+    let Outcome::Done(first) = run(false) else { panic!() };
+    let (files, result) = (store.files(&first).unwrap(), store.folder(&first.key).join("result.json"));
+    let file = files.join("a.zmx");
+    let whole = std::fs::read(&file).unwrap();
+    assert_eq!((first.contents.len(), first.contents[0].path.as_str()), (1, "a.zmx"));
+    assert_eq!(first.contents[0].bytes, whole.len() as u64);
+    let is_done = || {
+        let state = store.state(&first.key, &mut Seen::default()).unwrap();
+        assert!(matches!(state, UnitState::Done(_) | UnitState::Damaged(_)), "{state:?}");
+        matches!(state, UnitState::Done(_))
+    };
+    let named = |place: &str, says: &str| {
+        let Outcome::Damaged(error) = run(false) else { panic!("{says}") };
+        assert!(error.message.contains(&format!("{place}: {says}")), "{error:?}");
+        assert!(error.hint.contains("--retry, which sets its folder aside"), "{error:?}");
+    };
+    // Further files are those of the user.
+    std::fs::write(files.join("mine.txt"), "mine").unwrap();
+    assert!(is_done() && matches!(run(false), Outcome::There(_)));
+    std::fs::write(&file, &whole[1..]).unwrap();
+    assert!(!is_done());
+    named("a.zmx", &format!("it has {} bytes, and the unit wrote {}", whole.len() - 1, whole.len()));
+    // An edit that keeps the size is found by who reads the file.
+    let mut edited = whole.clone();
+    edited[0] ^= 1;
+    std::fs::write(&file, &edited).unwrap();
+    assert!(is_done());
+    named("a.zmx", "its content is not what the unit wrote");
+    std::fs::remove_file(&file).unwrap();
+    assert!(!is_done());
+    named("a.zmx", "this file of the result is missing");
+    std::fs::write(&file, &whole).unwrap();
+    assert!(is_done() && matches!(run(false), Outcome::There(_)));
+    std::fs::rename(&files, folder.path().join("away")).unwrap();
+    assert!(!is_done());
+    named("files", "the folder of the results is missing");
+    // With leave it is run again.
+    let Outcome::Done(again) = run(true) else { panic!() };
+    assert!(again.contents[0].path == "a.zmx" && file.is_file() && is_done());
+    let aside = store.root().join(format!(".damaged-{}-1", first.key.as_str()));
+    assert!(aside.join("result.json").is_file());
+    // One of an earlier build has no list of its files, which are believed.
+    let mut earlier: serde_json::Value = serde_json::from_slice(&std::fs::read(&result).unwrap()).unwrap();
+    for key in ["sha256", "contents"] {
+        assert!(earlier.as_object_mut().unwrap().remove(key).is_some());
+    }
+    std::fs::write(&result, earlier.to_string()).unwrap();
+    std::fs::remove_file(&file).unwrap();
+    assert!(is_done() && matches!(run(false), Outcome::There(_)));
 }

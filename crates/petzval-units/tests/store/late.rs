@@ -266,3 +266,25 @@ fn a_damaged_unit_that_two_machines_run_again_at_once_is_set_aside_once() {
     let aside = two.store.root().join(format!(".damaged-{}-1/result.json", unit.key.as_str()));
     assert_eq!(two.layer.read(&aside).unwrap(), b"{");
 }
+
+#[test]
+fn files_of_a_result_that_are_under_way_are_no_damage() {
+    let (server, clock) = (Arc::new(Server::default()), Arc::new(Simulated::default()));
+    let unit = prepared(&trivial("unit", 1.0));
+    let (mut one, mut two) = (machine(0, &server, &clock), machine(1, &server, &clock));
+    begin(&mut one, std::slice::from_ref(&unit), 0);
+    let finished = std::iter::repeat_with(|| work(&mut one)).take(2 * PARTS as usize).flatten().next();
+    assert_eq!(finished, Some((0, 1)));
+    clock.wait(VISIBLE);
+    let state = |machine: &mut Machine| machine.store.state(&unit.key, &mut machine.seen).unwrap();
+    assert!(matches!(state(&mut two), UnitState::Done(_)));
+    let folder = two.store.folder(&unit.key);
+    one.layer.remove_folder(&folder.join("files")).unwrap();
+    assert!(matches!(state(&mut two), UnitState::Done(_)));
+    clock.wait(VISIBLE);
+    assert!(matches!(state(&mut two), UnitState::Damaged(_)));
+    // Before the attempt is seen to have ended, its files may be under way from its own folder.
+    let record = br#"{"renewed": 6, "seconds": 1.0, "cpu_seconds": 1.0}"#;
+    two.layer.replace(&folder.join("attempt-0001.json"), record).unwrap();
+    assert!(matches!(state(&mut two), UnitState::Done(_)));
+}
