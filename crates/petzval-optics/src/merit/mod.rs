@@ -92,7 +92,8 @@ pub trait Merit: Send + Sync {
     }
 
     /// The fields, rad, and their shares, if it sees a lens by where the rays of these fields land about their centroids; `None` if it sees
-    /// something else. These rays lend their curvature to a merit that is a single figure, see [`lifted_normal_equations`].
+    /// something else. These rays lend their curvature to a merit that is a single figure: by [`lifted_normal_equations`] where high values are
+    /// better, and by their spot, scaled to the size of the figure, where low values are.
     fn fields_of_rays(&self, _lens: &Lens) -> Option<Vec<(f64, f64)>> {
         None
     }

@@ -63,4 +63,8 @@ impl Merit for RmsSpot {
     fn with_gradient(&self, lens: &Lens) -> Option<(f64, Option<LensGradient>)> {
         self.evaluate(lens, true).map(|(value, gradient)| (value, Some(gradient)))
     }
+
+    fn fields_of_rays(&self, lens: &Lens) -> Option<Vec<(f64, f64)>> {
+        Some(self.fields.seen(lens))
+    }
 }

@@ -87,4 +87,9 @@ impl Merit for RmsWavefront {
     fn with_gradient(&self, lens: &Lens) -> Option<(f64, Option<LensGradient>)> {
         self.evaluate(lens, true).map(|(value, gradient)| (value, Some(gradient)))
     }
+
+    /// Rays land where the slopes of the wavefront lead them.
+    fn fields_of_rays(&self, lens: &Lens) -> Option<Vec<(f64, f64)>> {
+        Some(self.fields.seen(lens))
+    }
 }

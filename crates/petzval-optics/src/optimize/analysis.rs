@@ -7,7 +7,9 @@ use crate::constraint::{ClearRadii, Constraint, SemiDiameters};
 use crate::design_space::{DesignSpace, DesignSpaceError, Mapped};
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
-use crate::merit::{Beams, Landings, Lost, MOUNT_MM, Reach, Seen, SpotResiduals, lifted_normal_equations};
+use crate::merit::{
+    Beams, Better, Landings, Lost, MOUNT_MM, Merit, Reach, Seen, SpotResiduals, lifted_normal_equations,
+};
 use crate::number::Number;
 use crate::paraxial::first_order;
 use crate::pupil::{PupilRefinement, PupilSampling, Quadrature};
@@ -268,7 +270,7 @@ pub(super) fn linearise(
         add_gram(&gram, problem.spot_weight.powi(2));
     }
     // A goal adds all of its residuals if they are known and should all vanish. Any other goal adds one residual, its distance from the
-    // target: with the curvature that its rays lend it, or with that of its slope, which knows one direction.
+    // target: with the curvature of its residuals or of its rays, or with that of its slope, which knows one direction.
     let mut single = Vec::new();
     for (goal, value) in problem.goals.iter().zip(&analysis.goals) {
         let residual_um = goal.residual_um(*value);
@@ -282,11 +284,15 @@ pub(super) fn linearise(
         }
     }
     for (goal, residual_um) in single {
-        let by_lens = goal.merit.with_gradient(&mapped.lens)?.1?;
+        let (value, by_lens) = goal.merit.with_gradient(&mapped.lens)?;
+        let by_lens = by_lens?;
         let row = DVector::from_vec(space.pull_back(&mapped.lens, &by_lens)) * goal.weight_um;
         gradient += &row * residual_um;
-        hessian += lifted_hessian(goal, residual_um, by_lens, mapped, numbers)
-            .unwrap_or_else(|| &row * row.transpose());
+        let curvature = match goal.merit.better() {
+            Better::Lower => beyond_bound_hessian(goal, value, &row, mapped, numbers),
+            Better::Higher => lifted_hessian(goal, residual_um, &by_lens, mapped, numbers),
+        };
+        hessian += curvature.unwrap_or_else(|| &row * row.transpose());
     }
     let mut model = Linearised { gradient, hessian, kept: Vec::new(), broken: Vec::new() };
     let clear = clear_radii(problem, &analysis.lens, &analysis.landings);
@@ -326,24 +332,65 @@ pub(super) fn linearise(
     Some(model)
 }
 
+/// The rays by which a merit sees a lens; `None` if it sees more.
+fn rays_of(merit: &dyn Merit, lens: &Lens) -> Option<SpotResiduals> {
+    let (fields_rad, field_weights) = merit.fields_of_rays(lens)?.into_iter().unzip();
+    Some(SpotResiduals {
+        fields_rad,
+        field_weights,
+        wavelengths_um: lens.wavelengths_um.clone(),
+        sampling: PupilSampling::Degree(6),
+        // Every field has its weight, whatever its spot.
+        power: 2.0,
+    })
+}
+
+/// Half the Hessian of `w^2 (s - b)^2`, where the figure `s = |d|` of a goal is the root of a sum of squares, b its bound and w its weight:
+///
+/// `w^2 ((1 - b/s) J'J + (b/s) grad(s) grad(s)')`, with J the derivatives of d. The curvature of d itself is left out, as Gauss and Newton do.
+///
+/// `row` is `w grad(s)` by the coordinates. Near the bound the figure is held along its slope and free across it. `None` if neither the
+/// residuals d are known nor rays that move like them.
+fn beyond_bound_hessian(
+    goal: &Goal,
+    value: f64,
+    row: &DVector<f64>,
+    mapped: &Mapped,
+    numbers: &[(usize, Number)],
+) -> Option<DMatrix<f64>> {
+    let of_square = curvature_of_square(&*goal.merit, value, &mapped.lens, numbers)?;
+    let held = (goal.target / value).clamp(0.0, 1.0);
+    let all = mapped.slopes.transpose() * of_square * &mapped.slopes * goal.weight_um.powi(2);
+    Some(all * (1.0 - held) + row * row.transpose() * held)
+}
+
+/// The products `J'J` of the derivatives of the residuals of a figure by each of the numbers and by the logarithm of the stop radius: those of
+/// its own residuals, or those of its rays, whose spot is scaled to the size of the figure.
+fn curvature_of_square(
+    merit: &dyn Merit,
+    value: f64,
+    lens: &Lens,
+    numbers: &[(usize, Number)],
+) -> Option<DMatrix<f64>> {
+    if let Some(gram) = merit.normal_equations(lens, numbers) {
+        let residual = gram.ncols() - 1;
+        return Some(gram.view((0, 0), (residual, residual)).into_owned());
+    }
+    let rays = rays_of(merit, lens)?;
+    let size_um = rays.size_um(lens, Lost::LeftOut).filter(|size_um| *size_um > 0.0)?;
+    Some(rays.motion(lens, numbers, false)? * (value / size_um).powi(2))
+}
+
 /// Half the Hessian of the square of a goal's residual, lifted to the rays by which its merit sees the lens; `None` if it sees more, or no ray
 /// moves. `by_lens` are the derivatives of the merit.
 fn lifted_hessian(
     goal: &Goal,
     residual_um: f64,
-    by_lens: LensGradient,
+    by_lens: &LensGradient,
     mapped: &Mapped,
     numbers: &[(usize, Number)],
 ) -> Option<DMatrix<f64>> {
-    let (fields_rad, field_weights) = goal.merit.fields_of_rays(&mapped.lens)?.into_iter().unzip();
-    let rays = SpotResiduals {
-        fields_rad,
-        field_weights,
-        wavelengths_um: mapped.lens.wavelengths_um.clone(),
-        sampling: PupilSampling::Degree(6),
-        // Every field has its weight, whatever its spot.
-        power: 2.0,
-    };
+    let rays = rays_of(&*goal.merit, &mapped.lens)?;
     let seen = Seen { rays: &rays, places: false, light: &[] };
     let by_square = by_lens.scaled(2.0 * residual_um * goal.weight_um);
     let gram = lifted_normal_equations(seen, &mapped.lens, numbers, residual_um * residual_um, &by_square)?;

@@ -1,11 +1,14 @@
 //! Goals beside spots, and in place of them.
 
+use std::sync::Arc;
+
 use super::*;
-use crate::merit::{FieldSet, Mtf};
+use crate::merit::{FieldSet, Mtf, RmsSpot, RmsWavefront};
 use crate::psf::PsfKind;
+use crate::pupil::PupilSampling;
 
 fn goal(merit: impl Merit + 'static, target: f64, weight_um: f64) -> Goal {
-    Goal { merit: std::sync::Arc::new(merit), target, weight_um }
+    Goal { merit: Arc::new(merit), target, weight_um }
 }
 
 #[test]
@@ -82,4 +85,60 @@ fn contrast_within_a_range_of_focal_lengths_goes_on_quickly() {
     let efl_mm = first_order(&found.lens.at_wavelength(found.lens.reference_um)).efl_mm;
     assert!(found.merit.sqrt() < 87.0, "{}", found.merit.sqrt());
     assert!((efl_mm - 25.0).abs() < 0.102, "{efl_mm}");
+}
+
+/// A figure that is the root of a sum of squares curves as its residuals do, and along its slope as the figure alone does.
+#[test]
+fn a_figure_beyond_its_bound_has_the_curvature_of_its_residuals() {
+    let lens = nominal_triplet();
+    let space = problem().space().unwrap();
+    let mapped = space.map(&space.start()).unwrap();
+    // The model of the goal alone, its value and its residual.
+    let model = |goal: Goal| {
+        let problem = Problem { spot_weight: 0.0, goals: vec![goal], ..problem() };
+        let analysis = analyse(&problem, mapped.lens.clone(), None).unwrap();
+        let model = linearise(&problem, &space, &mapped, &analysis).unwrap();
+        (model, analysis.goals[0], analysis.merit.sqrt())
+    };
+    let field_rad = 0.1_f64;
+    let rays = SpotResiduals {
+        fields_rad: vec![field_rad],
+        field_weights: vec![1.0],
+        power: 2.0,
+        ..SpotResiduals::new(&lens)
+    };
+    let (of_rays, size_um, _) = model(goal(rays.clone(), 0.0, 1.0));
+    let fields = || FieldSet::new(&lens, &[field_rad.to_degrees()]);
+    let spot = RmsSpot { fields: fields(), sampling: PupilSampling::Degree(6) };
+    let figures: [Arc<dyn Merit>; 3] =
+        [Arc::new(rays), Arc::new(spot), Arc::new(RmsWavefront { fields: fields() })];
+    for merit in figures {
+        let (name, value) = (merit.name(), merit.value(&mapped.lens).unwrap());
+        let (beyond, _, residual_um) = model(Goal { merit, target: 0.25 * value, weight_um: 10.0 });
+        // (1 - b/s) J'J + (b/s) grad grad', where the rays stand for the residuals.
+        let slope = &beyond.gradient / residual_um;
+        let share = 0.75 * (10.0 * value / size_um).powi(2);
+        let expected = &of_rays.hessian * share + &slope * slope.transpose() * 0.25;
+        let apart = (&beyond.hessian - &expected).norm() / expected.norm();
+        assert!(apart < 1e-6, "{name}: {apart:e}");
+    }
+}
+
+/// Spots beyond a bound that no lens reaches are led where spots without a bound are.
+#[test]
+fn a_bound_on_spots_does_not_stop_a_descent() {
+    let mut own = with_merit(problem(), |m| m.power = 2.0);
+    // No aperture takes light from a spot, which would be another figure then.
+    let stop = own.base.stop;
+    own.base.surfaces.iter_mut().enumerate().for_each(|(i, surface)| surface.is_open = i != stop);
+    let reached = |problem: &Problem, iterations: usize| {
+        let options = LevenbergOptions { iterations, ..LevenbergOptions::default() };
+        let best = descend(problem, &options, &mut |_, _, _| true).unwrap().best;
+        own.merit.value(&best.lens).unwrap()
+    };
+    let (start, least) = (reached(&own, 0), reached(&own, 200));
+    let spot = RmsSpot::new(&own.base);
+    let bounded = Problem { spot_weight: 0.0, goals: vec![goal(spot, 0.5 * least, 1.0)], ..own.clone() };
+    let found = reached(&bounded, 30);
+    assert!(found < least + 0.1 * (start - least), "{start} {least} {found}");
 }
