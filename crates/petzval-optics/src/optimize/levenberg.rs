@@ -274,6 +274,17 @@ pub fn descend_in_focus(
     descend_by_way_of(&Problem { focus, ..problem.clone() }, problem, &options, watch)
 }
 
+/// Goes down by the spots alone, within the limits, and from the end by all that the problem minimises, with the iterations of both together. Far
+/// from its best, a figure such as contrast has hardly a slope, or one that leads elsewhere.
+pub fn descend_by_spots(
+    problem: &Problem,
+    options: &LevenbergOptions,
+    watch: &mut dyn FnMut(usize, &Analysis, &[f64]) -> bool,
+) -> Result<Descent, DesignSpaceError> {
+    let by_spots = Problem { spot_weight: 1.0, goals: Vec::new(), ..problem.clone() };
+    descend_by_way_of(&by_spots, problem, options, watch)
+}
+
 /// Goes down another problem of the same lens first, and from its end down this one, with the iterations of both together.
 fn descend_by_way_of(
     way: &Problem,

@@ -16,8 +16,8 @@ mod tests;
 pub use analysis::Analysis;
 pub use descent_state::{DescentProgress, DescentState, Stop};
 pub use levenberg::{
-    Descent, LevenbergOptions, SOFT_UM_PER_MM, descend, descend_in_focus, descend_on, descend_softly,
-    descend_watched,
+    Descent, LevenbergOptions, SOFT_UM_PER_MM, descend, descend_by_spots, descend_in_focus, descend_on,
+    descend_softly, descend_watched,
 };
 pub use problem::{Apertures, GlassChoice, Goal, Limits, Problem};
 pub use search::{Found, Kept, Search, SearchOptions, SearchState};

@@ -1,6 +1,8 @@
 //! Figures that an optimisation should reach, from a file of operands.
 
-use crate::common::{run_fails, run_ok};
+use std::path::Path;
+
+use crate::common::{read, run_fails, run_ok};
 use serde_json::Value;
 
 /// The value of an operand, by the beginning of its name.
@@ -92,6 +94,65 @@ fn a_bound_binds_whatever_its_weight_and_a_missed_one_is_listed() {
     let table = optimize("mtf.toml", "mtf").stdout;
     assert!(table.contains("not met: MTF at 60/mm, 15 deg: 0.") && table.contains(" for 0.9900"), "{table}");
     assert!(table.contains("no lens was found that keeps every limit"), "{table}");
+}
+
+/// A lens of the tests of the jobs, with its image plane far from where its spots are least.
+fn write_double_gauss(folder: &Path) {
+    let lens = concat!(env!("CARGO_MANIFEST_DIR"), "/../petzval-jobs/tests/lenses/double-gauss.toml");
+    std::fs::write(folder.join("lens.toml"), read(Path::new(lens))).unwrap();
+}
+
+/// A descent for operands ends no higher than the lens to which the spots alone lead.
+#[test]
+fn operands_do_not_stop_a_descent_that_the_spots_lead_on() {
+    let folder = tempfile::tempdir().unwrap();
+    write_double_gauss(folder.path());
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    write("spot.toml", "[[operand]]\nof = \"spot\"\nat_most = 4.0\nweight_um = 10.0\n");
+    write("mtf.toml", "[[operand]]\nof = \"mtf\"\nfrequency_per_mm = 40.0\nat_least = 0.6\n");
+    write("wavefront.toml", "[[operand]]\nof = \"wavefront\"\nat_most = 0.3\n");
+    let merit_um = |lens: &str, iterations: &str, out: &str, more: &[&str]| {
+        let args = ["lens", "optimize", lens, "--iterations", iterations, "--out", out];
+        run_ok(folder.path(), &[&args[..], more].concat());
+        let steps = read(&folder.path().join(out).join("history.jsonl"));
+        let last: Value = serde_json::from_str(steps.lines().last().unwrap()).unwrap();
+        last["merit_um"].as_f64().unwrap()
+    };
+    merit_um("lens.toml", "60", "plain", &[]);
+    for of in ["spot", "mtf", "wavefront"] {
+        let more = ["--operands", &format!("{of}.toml")];
+        let known = merit_um("plain/best.toml", "0", &format!("known-{of}"), &more);
+        let found = merit_um("lens.toml", "60", of, &more);
+        assert!(found < 1.1 * known, "{of}: {found} against {known}");
+    }
+}
+
+/// Limits and operands on the image do not move the image plane of the start from where its spots are least.
+#[test]
+fn the_start_stands_where_its_spots_are_least_whatever_is_demanded() {
+    let folder = tempfile::tempdir().unwrap();
+    write_double_gauss(folder.path());
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    write("distortion.toml", "[[operand]]\nof = \"distortion\"\nat_most = 0.01\n");
+    write(
+        "mtf.toml",
+        "spot_weight = 0.0\n[[operand]]\nof = \"mtf\"\nfrequency_per_mm = 40.0\nat_least = 0.6\n",
+    );
+    let start_um = |out: &str, more: &[&str]| {
+        let args = ["lens", "optimize", "lens.toml", "--iterations", "0", "--out", out, "--json"];
+        let found = run_ok(folder.path(), &[&args[..], more].concat()).json();
+        found["start"]["mean_rms_spot_um"].as_f64().unwrap()
+    };
+    let least = start_um("plain", &[]);
+    for (out, more) in [
+        ("a", ["--distortion", "1"]),
+        ("b", ["--track", "130"]),
+        ("c", ["--operands", "distortion.toml"]),
+        ("d", ["--operands", "mtf.toml"]),
+    ] {
+        let found = start_um(out, &more);
+        assert!((found / least - 1.0).abs() < 1e-4, "{more:?}: {found} against {least}");
+    }
 }
 
 #[test]

@@ -6,12 +6,13 @@ use petzval_design::path_text::path_text;
 use petzval_optics::design_space::DesignSpaceError;
 use petzval_optics::lens::Lens;
 use petzval_optics::optimize::{
-    Analysis, Descent, DescentProgress, LevenbergOptions, Problem, Stop, descend_in_focus, descend_on,
-    descend_softly, descend_watched,
+    Analysis, Descent, DescentProgress, LevenbergOptions, Problem, Stop, descend, descend_by_spots,
+    descend_in_focus, descend_on, descend_softly, descend_watched,
 };
 
+use super::figures::is_restored;
 use super::history::{History, KeptDescent};
-use super::progress::{Clock, KEEP_EVERY, STEP_SHARE, Upto, WORTH_IT, line, not_optimisable};
+use super::progress::{Clock, KEEP_EVERY, STEP_SHARE, Upto, WORTH_IT, line, not_optimisable, with_fine_rays};
 use crate::context::Context;
 use crate::error::{JobError, Result};
 
@@ -30,9 +31,41 @@ enum From {
     Best,
 }
 
-/// Levenberg and Marquardt's method from where an earlier call left off, or from the lens itself.
+/// Other ways than straight down, each with the lens that it begins with and its name. They lead further where limits are penalties, and where the
+/// image plane follows all other numbers. Spots cost little; figures do not, so for them the spots alone lead the way, and pictures have none.
+fn other_ways(problem: &Problem) -> &'static [(Way, From, &'static str)] {
+    const FOR_SPOTS: &[(Way, From, &str)] = &[
+        (descend_softly, From::Start, "descent with softer limits"),
+        (descend_in_focus, From::Start, "descent in focus"),
+        (descend_in_focus, From::Best, "descent in focus, from the best lens"),
+    ];
+    const FOR_FIGURES: &[(Way, From, &str)] = &[(descend_by_spots, From::Start, "descent by the spots")];
+    if problem.goals.iter().any(is_restored) {
+        &[]
+    } else if problem.goals.iter().all(|goal| goal.weight_um == 0.0) {
+        FOR_SPOTS
+    } else {
+        FOR_FIGURES
+    }
+}
+
+/// The problem with the image plane of its lens where that at the start has it, if all that is minimised is less there.
+fn in_plane_of(problem: &Problem, start: &Lens) -> Option<Problem> {
+    let base = problem.base.with_image_distance(start.image_distance_mm());
+    let there = Problem { base, ..problem.clone() };
+    let merit = |problem: &Problem| {
+        let as_it_is = LevenbergOptions { iterations: 0, ..LevenbergOptions::default() };
+        Some(descend(&with_fine_rays(problem), &as_it_is, &mut |_, _, _| true).ok()?.best.merit)
+    };
+    let own = merit(problem).unwrap_or(f64::INFINITY);
+    merit(&there).is_some_and(|merit| merit < own).then_some(there)
+}
+
+/// Levenberg and Marquardt's method from where an earlier call left off, or from the lens itself, whose image plane is that of `start` if it is
+/// better there.
 pub(super) fn descent(
     problem: &Problem,
+    start: Option<&Lens>,
     history: &mut History,
     Upto { iterations, again, .. }: Upto,
     context: &Context,
@@ -45,6 +78,8 @@ pub(super) fn descent(
         // An import reports no warnings: those of the glasses were reported with the first lens of the history.
         let best = context.assets.import(&path_text(&history.best_lens())?)?.file.lens;
         own.base = Lens { entrance_pupil_mm: problem.base.entrance_pupil_mm, ..best };
+    } else if let Some(there) = start.and_then(|start| in_plane_of(problem, start)) {
+        own = there;
     }
     let problem = &own;
     let options = LevenbergOptions { iterations, ..LevenbergOptions::default() };
@@ -85,16 +120,9 @@ pub(super) fn descent(
         history.keep_best(problem, &descent.best)?;
         return Ok(noted(descent, context));
     }
-    // Other ways may lead further, because limits are penalties, and the image plane follows all other numbers. Spots cost little, other goals do
-    // not.
-    let is_of_spots = problem.goals.iter().all(|goal| goal.weight_um == 0.0);
-    let goes_softly = is_of_spots && !went_softly;
+    let ways = other_ways(problem);
+    let goes_softly = !ways.is_empty() && !went_softly;
     if goes_softly {
-        let ways: [(Way, From, &str); 3] = [
-            (descend_softly, From::Start, "descent with softer limits"),
-            (descend_in_focus, From::Start, "descent in focus"),
-            (descend_in_focus, From::Best, "descent in focus, from the best lens"),
-        ];
         for (way, from, name) in ways {
             let on = match from {
                 From::Start => problem.clone(),

@@ -69,7 +69,7 @@ pub struct Config {
 pub struct KeptDescent {
     /// The descent itself.
     pub state: DescentState,
-    /// Whether the way along a soft penalty has been tried.
+    /// Whether other ways than straight down have been tried, as the one along a soft penalty.
     pub went_softly: bool,
 }
 

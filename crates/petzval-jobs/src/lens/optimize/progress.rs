@@ -71,13 +71,18 @@ pub(super) fn with_more_rays(problem: &Problem, lens: &Lens) -> Option<Analysis>
 /// The problem with more rays, in which the image plane alone moves.
 pub(super) fn only_image_plane(problem: &Problem) -> Problem {
     Problem {
-        merit: SpotResiduals { sampling: PupilSampling::Degree(10), ..problem.merit.clone() },
         variables: Vec::new(),
         pickups: Vec::new(),
         glasses: Vec::new(),
         solves: Solves::default(),
-        ..problem.clone()
+        ..with_fine_rays(problem)
     }
+}
+
+/// The problem with more rays.
+pub(super) fn with_fine_rays(problem: &Problem) -> Problem {
+    let merit = SpotResiduals { sampling: PupilSampling::Degree(10), ..problem.merit.clone() };
+    Problem { merit, ..problem.clone() }
 }
 
 /// The limits that a lens does not keep, each with by how much.

@@ -142,3 +142,20 @@ fn a_bound_on_spots_does_not_stop_a_descent() {
     let found = reached(&bounded, 30);
     assert!(found < least + 0.1 * (start - least), "{start} {least} {found}");
 }
+
+/// The way by the spots never ends above the lens to which the spots lead.
+#[test]
+fn the_way_by_the_spots_goes_on_from_their_best_lens() {
+    let lens = nominal_triplet();
+    let contrast = goal(Mtf::new(&lens, 40.0, PsfKind::Geometric), 0.9, 100.0);
+    let traded = Problem { goals: vec![contrast], ..problem() };
+    let options = |iterations: usize| LevenbergOptions { iterations, ..LevenbergOptions::default() };
+    let goes_on = &mut |_: usize, _: &Analysis, _: &[f64]| true;
+    // A quarter of the iterations is left for the whole problem.
+    let by_spots = descend(&problem(), &options(6), goes_on).unwrap().best;
+    let there = Problem { base: by_spots.lens, ..traded.clone() };
+    let known = descend(&there, &options(0), goes_on).unwrap().best;
+    let found = descend_by_spots(&traded, &options(8), goes_on).unwrap();
+    assert!(found.best.merit <= known.merit, "{} {}", found.best.merit, known.merit);
+    assert!(found.iterations <= 8, "{}", found.iterations);
+}
