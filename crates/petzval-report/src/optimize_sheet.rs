@@ -153,7 +153,10 @@ fn spots(sheet: &OptimizeSheet) -> Markup {
     };
     html! {
         (figure(&bars_svg(&chart)))
-        (caption("All wavelengths together, through the whole stop, each lens on the image plane where its spots are least."))
+        (caption(
+            "All wavelengths together, through the stop, each ray with its light. The image plane before is where the spots are least, or the error after \
+             restoration if that is the goal; the one after is that of the lens file."
+        ))
     }
 }
 

@@ -82,11 +82,9 @@ impl Analysis {
         others.chain(diameters.filter_map(excess).filter(|(_, excess_mm)| *excess_mm > 0.0)).collect()
     }
 
-    /// RMS spot of each field of [`Analysis::fitted_lens`] through its clear apertures, um; `None` if the problem keeps none, or if a field has no light.
-    pub fn rms_through_apertures_um(&self, problem: &Problem, fitted: &Lens) -> Option<Vec<f64>> {
-        if !problem.keeps_apertures() {
-            return None;
-        }
+    /// RMS spot of each field of [`Analysis::fitted_lens`], um: of the rays that pass its clear apertures, each with its light. `None` if a field has
+    /// no light. What a descent minimises counts the rays of the stop alike, see [`SpotResiduals`].
+    pub fn rms_of_light_um(&self, problem: &Problem, fitted: &Lens) -> Option<Vec<f64>> {
         let seen = Lens { wavelengths_um: problem.merit.wavelengths_um.clone(), ..fitted.clone() };
         let rms_um = |field: &f64| Some(spot_converged(&seen, *field, &SPOTS)?.value.rms_poly_um);
         problem.merit.fields_rad.iter().map(rms_um).collect()

@@ -548,3 +548,22 @@ fn the_start_is_the_lens_that_the_descent_begins_with() {
     assert!((picked / thick - 1.0).abs() < 1e-9, "{picked} {thick}");
     assert!((picked / nominal - 1.0).abs() > 1e-4, "{picked} {nominal}");
 }
+
+/// The descent begins on the image plane of the start, and the figures of its lens are those that `lens show` has of the file.
+#[test]
+fn a_descent_never_ends_worse_than_its_start_and_its_spots_are_those_of_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let mean_um = |figures: &serde_json::Value| figures["mean_rms_spot_um"].as_f64().unwrap();
+    for (iterations, out) in [("0", "none"), ("1", "one")] {
+        let args = ["lens", "optimize", LENS, "--iterations", iterations, "--out", out, "--json"];
+        let found = run_ok(folder.path(), &args).json();
+        let (start, best) = (mean_um(&found["start"]), mean_um(&found["best"]));
+        assert!(best < start * (1.0 + 1e-4), "{iterations} iterations: {start} {best}");
+        let shown = run_ok(folder.path(), &["lens", "show", &format!("{out}/best.toml"), "--json"]).json();
+        for field in 0..4 {
+            let there = shown["rms_spot_poly_real_stop_um"][field].as_f64().unwrap();
+            let here = found["best"]["rms_spot_um"][field].as_f64().unwrap();
+            assert!((here / there - 1.0).abs() < 2e-3, "field {field}: {here} {there}");
+        }
+    }
+}

@@ -123,15 +123,13 @@ impl Figures {
 
     /// The figures of a lens under a problem.
     pub(super) fn new(problem: &Problem, analysis: &Analysis) -> Self {
-        let clear = analysis.fitted_lens(problem);
-        // A lens whose clear apertures cut beams is that of its file: by the light that passes, on the image plane where that is best.
-        let passing_um = analysis.rms_through_apertures_um(problem, &clear);
-        let lens = if passing_um.is_some() { &clear } else { &analysis.lens };
-        let rms_um = passing_um.unwrap_or_else(|| analysis.rms_um.clone());
+        // The lens is that of its file, whose spots are the same to `lens show`.
+        let lens = &analysis.fitted_lens(problem);
+        let rms_um = analysis.rms_of_light_um(problem, lens).unwrap_or_else(|| analysis.rms_um.clone());
         let sequence = lens.at_wavelength(lens.reference_um);
         let order = first_order(&sequence);
-        let widest = clear.surfaces.iter().fold(0.0_f64, |w, s| w.max(2.0 * s.semi_diameter_mm));
-        let violations = analysis.violations_as_written(problem, &clear);
+        let widest = lens.surfaces.iter().fold(0.0_f64, |w, s| w.max(2.0 * s.semi_diameter_mm));
+        let violations = analysis.violations_as_written(problem, lens);
         let outermost = problem.merit.outermost_field_rad();
         let chief = (outermost != 0.0 && lens.is_rotationally_symmetric())
             .then(|| chief_ray(&sequence, outermost))

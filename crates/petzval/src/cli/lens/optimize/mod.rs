@@ -176,8 +176,9 @@ fn print(response: &Response) {
         outln!("{name:<26} {start:>12} {:>12} {unit}", figure(best, 4));
     }
     outln!(
-        "RMS spots: all wavelengths together, through the real stop, on the image plane where they and the limits are best met; the \
-         mean is that of the fields; distortion is against the image of the paraxial focal length or, of a near object, of the paraxial magnification"
+        "RMS spots: all wavelengths together, through the real stop, each ray with its light, as `lens show` has them; the start is on the image plane \
+         where its spots are least, or its error after restoration, and the best lens on that of its file; the mean is that of the fields; distortion is against the image of \
+         the paraxial focal length or, of a near object, of the paraxial magnification"
     );
     for missed in found.start.iter().flat_map(Figures::missed) {
         outln!("not met at the start: {missed}");
