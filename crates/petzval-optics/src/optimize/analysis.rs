@@ -62,7 +62,7 @@ impl Analysis {
             lens.surfaces[i].semi_diameter_mm = kept_mm.map_or(needed_mm, |own_mm| own_mm.min(needed_mm));
         }
         if problem.keeps_apertures() && problem.has_image_plane_for_spots() {
-            let seen = Lens { wavelengths_um: problem.merit.wavelengths_um.clone(), ..lens.clone() };
+            let seen = problem.seen(&lens);
             let quadrature = Quadrature::grid(FOCUS_CELLS).ok();
             let focused = quadrature.and_then(|q| with_best_focus(&seen, &problem.merit.fields_rad, &q));
             if let Some(focused) = focused {
@@ -85,7 +85,7 @@ impl Analysis {
     /// RMS spot of each field of [`Analysis::fitted_lens`], um: of the rays that pass its clear apertures, each with its light. `None` if a field has
     /// no light. What a descent minimises counts the rays of the stop alike, see [`SpotResiduals`].
     pub fn rms_of_light_um(&self, problem: &Problem, fitted: &Lens) -> Option<Vec<f64>> {
-        let seen = Lens { wavelengths_um: problem.merit.wavelengths_um.clone(), ..fitted.clone() };
+        let seen = problem.seen(fitted);
         let rms_um = |field: &f64| Some(spot_converged(&seen, *field, &SPOTS)?.value.rms_poly_um);
         problem.merit.fields_rad.iter().map(rms_um).collect()
     }
@@ -194,7 +194,8 @@ pub(super) fn figures(problem: &Problem, lens: Lens, landings: Landings) -> Opti
         }
     }
     drop(clear);
-    let goals: Vec<f64> = problem.goals.iter().map(|goal| goal.merit.value(&lens)).collect::<Option<_>>()?;
+    let seen = problem.seen(&lens);
+    let goals: Vec<f64> = problem.goals.iter().map(|goal| goal.merit.value(&seen)).collect::<Option<_>>()?;
     let missed = |(goal, value): (&Goal, &f64)| goal.residual_um(*value).powi(2);
     let stiff = |v: f64| (problem.stiffness_um_per_mm * v).powi(2);
     let merit = problem.spot_weight.powi(2) * problem.merit.square_um2(&landings)
@@ -229,7 +230,8 @@ pub(super) fn obstacle(problem: &Problem, lens: &Lens) -> DesignSpaceError {
     let Some(landings) = landings(problem, lens, None) else { return DesignSpaceError::NoRays };
     let clear = clear_radii(problem, lens, &landings);
     let unknown = problem.constraints().into_iter().find(|c| c.excess_mm(lens, &*clear).is_none());
-    let goal = || problem.goals.iter().find(|goal| goal.merit.value(lens).is_none());
+    let seen = problem.seen(lens);
+    let goal = || problem.goals.iter().find(|goal| goal.merit.value(&seen).is_none());
     let what = unknown.map(|c| c.to_string()).or_else(|| goal().map(|goal| goal.merit.name()));
     what.map_or(DesignSpaceError::NoRays, |what| DesignSpaceError::Unmeasured { what })
 }
@@ -269,26 +271,27 @@ pub(super) fn linearise(
     }
     // A goal adds all of its residuals if they are known and should all vanish. Any other goal adds one residual, its distance from the
     // target: with the curvature of its residuals or of its rays, or with that of its slope, which knows one direction.
+    let seen = Mapped { lens: problem.seen(&mapped.lens), ..mapped.clone() };
     let mut single = Vec::new();
     for (goal, value) in problem.goals.iter().zip(&analysis.goals) {
         let residual_um = goal.residual_um(*value);
         if residual_um == 0.0 {
             continue;
         }
-        let all = if goal.target == 0.0 { goal.merit.normal_equations(&mapped.lens, numbers) } else { None };
+        let all = if goal.target == 0.0 { goal.merit.normal_equations(&seen.lens, numbers) } else { None };
         match all {
             Some(gram) => add_gram(&gram, goal.weight_um.powi(2)),
             None => single.push((goal, residual_um)),
         }
     }
     for (goal, residual_um) in single {
-        let (value, by_lens) = goal.merit.with_gradient(&mapped.lens)?;
+        let (value, by_lens) = goal.merit.with_gradient(&seen.lens)?;
         let by_lens = by_lens?;
         let row = DVector::from_vec(space.pull_back(&mapped.lens, &by_lens)) * goal.weight_um;
         gradient += &row * residual_um;
         let curvature = match goal.merit.better() {
-            Better::Lower => beyond_bound_hessian(goal, value, &row, mapped, numbers),
-            Better::Higher => lifted_hessian(goal, residual_um, &by_lens, mapped, numbers),
+            Better::Lower => beyond_bound_hessian(goal, value, &row, &seen, numbers),
+            Better::Higher => lifted_hessian(goal, residual_um, &by_lens, &seen, numbers),
         };
         hessian += curvature.unwrap_or_else(|| &row * row.transpose());
     }

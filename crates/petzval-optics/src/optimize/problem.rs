@@ -211,6 +211,11 @@ impl Problem {
         all
     }
 
+    /// A lens as goals see it: at the wavelengths of the spots, which need not be its own.
+    pub(super) fn seen(&self, lens: &Lens) -> Lens {
+        Lens { wavelengths_um: self.merit.wavelengths_um.clone(), ..lens.clone() }
+    }
+
     /// The clear semi-diameter that a surface keeps, mm.
     pub(super) fn kept_aperture_mm(&self, surface: usize) -> Option<f64> {
         self.kept_apertures_mm.get(surface).copied().flatten()

@@ -159,3 +159,24 @@ fn the_way_by_the_spots_goes_on_from_their_best_lens() {
     assert!(found.best.merit <= known.merit, "{} {}", found.best.merit, known.merit);
     assert!(found.iterations <= 8, "{}", found.iterations);
 }
+
+/// A goal has the wavelengths of the spots beside it, also where these are not those of the lens.
+#[test]
+fn goals_see_the_wavelengths_of_the_problem() {
+    let lens = nominal_triplet();
+    let merit = SpotResiduals {
+        fields_rad: vec![0.0],
+        field_weights: vec![1.0],
+        wavelengths_um: vec![0.5876],
+        power: 2.0,
+        ..SpotResiduals::new(&lens)
+    };
+    let spot = RmsSpot { fields: FieldSet::new(&lens, &[0.0]), sampling: PupilSampling::Degree(6) };
+    let problem = Problem { merit, goals: vec![goal(spot, 1.0, 1.0)], ..problem() };
+    let space = problem.space().unwrap();
+    let analysis = analyse(&problem, space.lens_at(&space.start()).unwrap(), None).unwrap();
+    // Each ray with its light, and all alike; in all colours it is a tenth more.
+    let ratio = analysis.goals[0] / analysis.rms_um[0];
+    assert!((ratio - 1.0).abs() < 0.02, "{ratio}");
+    check_gradient_to(&problem, 1e-4);
+}
