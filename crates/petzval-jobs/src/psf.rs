@@ -278,14 +278,15 @@ fn computed(request: &Request, lens: &Lens, plan: &PsfPlan, context: &Context) -
         chief_ray_x_mm: psfs.iter().map(|p| p.chief_x_mm).collect(),
         chief_ray_y_mm: psfs.iter().map(|p| p.chief_y_mm).collect(),
         field_deg: psfs.iter().map(|p| p.field_rad.to_degrees()).collect(),
-        image_scale_mm: plan.image_scale_mm(lens).ok().flatten().filter(|mm| *mm > 0.0),
+        // Radii have no sign: an image that is upside down has its scale without one, too.
+        image_scale_mm: plan.image_scale_mm(lens).ok().flatten().map(f64::abs).filter(|mm| *mm > 0.0),
         channels: Channel::RGB.to_vec(),
         wavelengths_um: plan.wavelengths_um.to_vec(),
         captured: psfs.iter().map(|p| p.captured.clone()).collect(),
         pupil_cells: Some(plan.quadrature.cells),
         pupil_error: Some(error),
         method: psfs.iter().map(|p| p.method.clone()).collect(),
-        ..Axes::new(request.pitch_um, plan.field_radius_mm.clone())
+        ..Axes::new(request.pitch_um, plan.landing_radii_mm(&psfs))
             .symmetric(lens.is_rotationally_symmetric())
     };
     Ok(Bank { psfs, plan, axes })

@@ -172,6 +172,12 @@ const MOST_CELLS: usize = 2048;
 /// it is a millionth of that at the corner.
 const NEAR_AXIS: f64 = 1e-3;
 
+/// Distance, mm, to which a chief ray lands at its radius.
+const LANDS_MM: f64 = 1e-6;
+
+/// Change of the field by which the slope of the image height is taken, rad.
+const SLOPE_RAD: f64 = 1e-4;
+
 /// Field from which the next one is guessed by the angle rather than by its tangent: 45 degrees.
 const WIDE_RAD: f64 = FRAC_PI_4;
 
@@ -186,17 +192,38 @@ fn image_scale_mm(lens: &Lens) -> f64 {
     if lens.object == ObjectDistance::Infinity { per_tangent } else { per_tangent.abs() }
 }
 
+/// The field that a lens images on the axis of the image plane, rad: the field of radius 0. `None` if no such field is found.
+///
+/// It is exactly 0 in a rotationally symmetric lens, and wherever the chief ray of field 0 lands on the axis. Gratings, prisms and decentred
+/// elements move the image: another field then lands on the axis. Of an image that lies beside the axis in x, the height y counts.
+fn axis_field(lens: &Lens, reference: &Sequence) -> Option<f64> {
+    if lens.is_rotationally_symmetric() {
+        return Some(0.0);
+    }
+    let height = |field: f64| Some(chief_ray(reference, field)?.y_mm);
+    if height(0.0).is_some_and(|y_mm| y_mm.abs() < LANDS_MM) {
+        return Some(0.0);
+    }
+    // Of field 0 and the fields of the file, take the one whose image is nearest to the axis, and follow the slope there.
+    let known = lens.fields_deg.iter().map(|deg| deg.to_radians()).chain([0.0]);
+    let landed = known.filter_map(|field| Some((field, height(field)?)));
+    let (field, y_mm) = landed.min_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
+    let slope = (height(field + SLOPE_RAD)? - height(field - SLOPE_RAD)?) / (2.0 * SLOPE_RAD);
+    field_imaged_at(reference, 0.0, field - y_mm / slope)
+}
+
 /// Field angle of a lens whose chief ray lands `radius_mm` from the axis, rad, distortion included.
 pub(crate) fn field_angle(lens: &Lens, radius_mm: f64) -> Result<f64> {
     let reference = lens.at_wavelength(lens.reference_um);
-    field_imaged(&reference, radius_mm, (radius_mm / image_scale_mm(lens)).atan())
+    let axis = axis_field(lens, &reference);
+    let guess = axis.unwrap_or(0.0) + (radius_mm / image_scale_mm(lens)).atan();
+    field_imaged(&reference, axis, radius_mm, guess)
 }
 
-fn field_imaged(reference: &Sequence, radius_mm: f64, guess_rad: f64) -> Result<f64> {
-    if radius_mm == 0.0 {
-        return Ok(0.0);
-    }
-    field_imaged_at(reference, radius_mm, guess_rad).ok_or(DesignError::OutsideTheImage { radius_mm })
+/// The field imaged at a radius; `axis` is the one imaged on the axis, if there is one.
+fn field_imaged(reference: &Sequence, axis: Option<f64>, radius_mm: f64, guess_rad: f64) -> Result<f64> {
+    let found = if radius_mm == 0.0 { axis } else { field_imaged_at(reference, radius_mm, guess_rad) };
+    found.ok_or(DesignError::OutsideTheImage { radius_mm })
 }
 
 impl PsfPlan {
@@ -278,6 +305,9 @@ impl PsfPlan {
         let reference = lens.at_wavelength(lens.reference_um);
         let mut angles: Vec<f64> = Vec::with_capacity(self.field_radius_mm.len());
         let mut scale_mm = image_scale_mm(lens);
+        let on_axis = axis_field(lens, &reference);
+        // Angles grow from the field that is imaged on the axis.
+        let first = on_axis.unwrap_or(0.0);
         for radius_mm in &self.field_radius_mm {
             let guess = match angles.len() {
                 // Wide fields hardly grow like a tangent: go on as from the field before the last to the last.
@@ -287,27 +317,48 @@ impl PsfPlan {
                     angles[n - 1] + by_radius * (radius_mm - self.field_radius_mm[n - 1])
                 }
                 // Start from the scale at which the field before it was imaged.
-                _ => (radius_mm / scale_mm).atan(),
+                _ => first + (radius_mm / scale_mm).atan(),
             };
-            let angle = field_imaged(&reference, *radius_mm, guess)?;
-            if angle != 0.0 {
-                scale_mm = radius_mm / angle.tan();
+            let angle = field_imaged(&reference, on_axis, *radius_mm, guess)?;
+            if angle != first {
+                scale_mm = radius_mm / (angle - first).tan();
             }
             angles.push(angle);
         }
         Ok(angles)
     }
 
-    /// Image height per tangent of the field, mm, which an ideal image has everywhere: that of the lens near the axis. `None` if there is no field
-    /// off the axis.
+    /// Image height per tangent of the field, mm, which an ideal image has everywhere: that of the lens near the axis of the image. `None` if
+    /// there is no field off the axis.
     pub fn image_scale_mm(&self, lens: &Lens) -> Result<Option<f64>> {
-        let near = self.field_angles(lens)?.last().copied().unwrap_or(0.0) * NEAR_AXIS;
+        let reference = lens.at_wavelength(lens.reference_um);
+        let axis = axis_field(lens, &reference).unwrap_or(0.0);
+        let last = self.field_angles(lens)?.last().copied().unwrap_or(axis);
+        let near = (last - axis) * NEAR_AXIS;
         if near == 0.0 {
             return Ok(None);
         }
-        let chief = chief_ray(&lens.at_wavelength(lens.reference_um), near);
-        let chief = chief.ok_or_else(|| DesignError::no_light(lens, near, &[]))?;
-        Ok(Some(chief.y_mm / near.tan()))
+        let height = |field: f64| {
+            let chief = chief_ray(&reference, field);
+            Ok::<_, DesignError>(chief.ok_or_else(|| DesignError::no_light(lens, field, &[]))?.y_mm)
+        };
+        // A rotationally symmetric lens mirrors its chief rays, so one of them is enough.
+        if lens.is_rotationally_symmetric() {
+            return Ok(Some(height(near)? / near.tan()));
+        }
+        let (below, above) = (axis - near, axis + near);
+        Ok(Some((height(above)? - height(below)?) / (above.tan() - below.tan())))
+    }
+
+    /// Distances of the images of fields from the axis, mm: the radii of the plan, where the chief rays land at them.
+    ///
+    /// In a lens without symmetry about the plane of its fields, chief rays land beside that plane, and further from the axis.
+    pub fn landing_radii_mm(&self, psfs: &[FieldPsf]) -> Vec<f64> {
+        let landed = |(psf, radius_mm): (&FieldPsf, &f64)| {
+            let distance_mm = psf.chief_x_mm.hypot(psf.chief_y_mm);
+            if (distance_mm - radius_mm).abs() < LANDS_MM { *radius_mm } else { distance_mm }
+        };
+        psfs.iter().zip(&self.field_radius_mm).map(landed).collect()
     }
 
     /// The chief-ray map of a lens: where on the image the points of a rectilinear picture land. An error if a field is wider than 85

@@ -1,6 +1,6 @@
 use super::*;
 use crate::assets::Assets;
-use petzval_optics::lens::{Action, Surface};
+use petzval_optics::lens::{Action, Axis, Pattern, Phase, Placement, Surface};
 use petzval_optics::solve::with_paraxial_focus;
 
 #[test]
@@ -141,4 +141,101 @@ fn a_perfect_lens_has_the_image_of_the_kind_unless_another_is_named() {
     let airy = brightest(PsfKind::Diffraction, None);
     assert!((0.1..0.2).contains(&airy), "{airy}");
     assert_eq!(brightest(PsfKind::Geometric, Some(PerfectImage::AiryDisk)), airy);
+}
+
+/// The nominal triplet with its first element moved.
+fn decentred(decenter_mm: [f64; 2]) -> Lens {
+    let mut lens = assets().lens("cooke-triplet-nominal").unwrap().lens;
+    let placement = Placement { decenter_mm, axis: Axis::Returns, ..Placement::default() };
+    lens.surfaces[..2].iter_mut().for_each(|surface| surface.placement = Some(placement));
+    lens
+}
+
+fn three_fields() -> PsfPlan {
+    let options = PsfOptions { grid: 32, pitch_um: 4.0, ..PsfOptions::default() };
+    PsfPlan::new(3, 4.0, [0.62, 0.55, 0.486], options, Quadrature::grid(16).unwrap())
+}
+
+/// Where the chief ray of a field lands along y, mm.
+fn height_mm(lens: &Lens, field_rad: f64) -> f64 {
+    chief_ray(&lens.at_wavelength(lens.reference_um), field_rad).unwrap().y_mm
+}
+
+#[test]
+fn the_field_of_radius_zero_is_the_one_that_is_imaged_on_the_axis() {
+    let plan = three_fields();
+    for offset_mm in [0.4, -0.4] {
+        let lens = decentred([0.0, offset_mm]);
+        assert!(height_mm(&lens, 0.0).abs() > 0.01);
+        for (field, radius) in plan.field_angles(&lens).unwrap().into_iter().zip(&plan.field_radius_mm) {
+            assert!((height_mm(&lens, field) - radius).abs() < 1e-6, "{offset_mm}: {radius}");
+            assert!((height_mm(&lens, plan.field_angle(&lens, *radius).unwrap()) - radius).abs() < 1e-6);
+        }
+    }
+    // Without a decentre along y it is field 0 to the bit.
+    for lens in [decentred([0.0; 2]), decentred([0.4, 0.0])] {
+        assert_eq!(plan.field_angles(&lens).unwrap()[0].to_bits(), 0);
+        assert_eq!(plan.field_angle(&lens, 0.0).unwrap().to_bits(), 0);
+    }
+}
+
+#[test]
+fn behind_a_grating_the_fields_of_the_file_lead_to_the_one_on_the_axis() {
+    // Light of 40 degrees leaves the grating along the axis of the perfect lens behind it.
+    let lines_per_mm = 40_f64.to_radians().sin() / 0.55e-3;
+    let grating = |order: i32| {
+        let phase = Some(Phase { order, pattern: Pattern::Grating { lines_per_mm } });
+        let plane = Surface { phase, thickness_mm: 5.0, semi_diameter_mm: 3.0, ..Surface::default() };
+        let thin = Surface {
+            action: Action::ThinLens { power_per_mm: 0.01 },
+            thickness_mm: 100.0,
+            semi_diameter_mm: 10.0,
+            ..Surface::default()
+        };
+        let nominal = assets().lens("cooke-triplet-nominal").unwrap().lens;
+        let side = f64::from(order.signum());
+        Lens {
+            surfaces: vec![plane, thin],
+            stop: 0,
+            entrance_pupil_mm: 4.0,
+            wavelengths_um: vec![0.55],
+            reference_um: 0.55,
+            fields_deg: vec![-42.0 * side, -38.0 * side],
+            ..nominal
+        }
+    };
+    for lens in [grating(1), grating(-1)] {
+        let fields = three_fields().field_angles(&lens).unwrap();
+        assert!((fields[0].abs().to_degrees() - 40.0).abs() < 1e-6, "{fields:?}");
+        assert!((height_mm(&lens, fields[2]) - 4.0).abs() < 1e-6, "{fields:?}");
+    }
+}
+
+#[test]
+fn radii_in_files_are_the_distances_of_the_images_from_the_axis() {
+    let plan = three_fields();
+    for decenter_mm in [[0.0; 2], [0.0, 0.4]] {
+        let psfs = plan.psfs(&decentred(decenter_mm)).unwrap();
+        assert_eq!(plan.landing_radii_mm(&psfs), plan.field_radius_mm);
+    }
+    let psfs = plan.psfs(&decentred([0.4, 0.0])).unwrap();
+    for (radius_mm, psf) in plan.landing_radii_mm(&psfs).into_iter().zip(&psfs) {
+        assert!(psf.chief_x_mm.abs() > 0.01, "{}", psf.chief_x_mm);
+        assert_eq!(radius_mm, psf.chief_x_mm.hypot(psf.chief_y_mm));
+    }
+}
+
+#[test]
+fn the_scale_of_a_decentred_lens_is_the_slope_of_its_image_height() {
+    let plan = three_fields();
+    let scale_mm = |lens: &Lens| plan.image_scale_mm(lens).unwrap().unwrap();
+    let straight = scale_mm(&decentred([0.0; 2]));
+    let [above, below] = [0.4, -0.4].map(|mm| scale_mm(&decentred([0.0, mm])));
+    // Mirror images of each other have the same scale, and a decentre changes it little.
+    assert!((above / below - 1.0).abs() < 1e-4, "{above} {below}");
+    assert!((above / straight - 1.0).abs() < 0.05, "{above} {straight}");
+    // Of a lens with symmetry it is the height of one chief ray over the tangent of its field.
+    let nominal = assets().lens("cooke-triplet-nominal").unwrap().lens;
+    let near = plan.field_angles(&nominal).unwrap()[2] * NEAR_AXIS;
+    assert_eq!(scale_mm(&nominal), height_mm(&nominal, near) / near.tan());
 }
