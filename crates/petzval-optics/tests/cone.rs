@@ -5,10 +5,13 @@ mod common;
 use std::sync::Arc;
 
 use common::paraboloid;
-use petzval_optics::analysis::{Cone, field_mtf, first_order_table, leaves_parallel, wavefront};
+use petzval_optics::analysis::{
+    AnalysisOptions, Cone, analyze, field_curves, field_mtf, first_order_table, leaves_parallel, wavefront,
+};
 use petzval_optics::glass::{Dispersion, Glass};
 use petzval_optics::lens::{
-    Action, Axis, Departure, Lens, LensDefect, ObjectDistance, Placement, Surface, SurfaceShape, validate,
+    Action, Axis, Departure, Lens, LensDefect, ObjectDistance, Pattern, Phase, Placement, Surface,
+    SurfaceShape, validate,
 };
 use petzval_optics::paraxial::first_order;
 
@@ -348,4 +351,63 @@ fn figures_of_a_singlet_are_those_of_opticstudio() {
         let beyond = found.peak_to_valley_waves[0] / peak_to_valley - 1.0;
         assert!(beyond.abs() < 0.01, "{} {peak_to_valley}", found.peak_to_valley_waves[0]);
     }
+}
+
+/// A grating in the stop, which turns light of -40 degrees into the axis of a perfect lens of 100 mm; light of the axis misses that lens.
+fn spectrometer(fields_deg: Vec<f64>) -> Lens {
+    let lines_per_mm = 40_f64.to_radians().sin() / 0.5e-3;
+    let phase = Some(Phase { order: 1, pattern: Pattern::Grating { lines_per_mm } });
+    let grating = Surface { phase, ..plane(20.0, 3.0) };
+    Lens { fields_deg, ..lens(4.0, vec![grating, Surface { semi_diameter_mm: 6.0, ..thin(100.0, 100.0) }]) }
+}
+
+#[test]
+fn a_field_stands_for_the_axis_where_no_field_is_near_it() {
+    let reference = |fields_deg: &[f64]| spectrometer(fields_deg.to_vec()).reference_field_deg();
+    assert_eq!(reference(&[-42.0, -40.0, -38.0]), -38.0);
+    assert_eq!(reference(&[38.0, 42.0]), 38.0);
+    for beside in [&[-42.0, 0.0][..], &[-42.0, 38.0], &[-42.0, -4.0], &[0.0], &[]] {
+        assert_eq!(reference(beside), 0.0, "{beside:?}");
+    }
+    // A lens with rotational symmetry has an axis whatever its fields.
+    let symmetric = lens(4.0, vec![thin(100.0, 100.0)]);
+    assert_eq!(Lens { fields_deg: vec![10.0, 20.0], ..symmetric }.reference_field_deg(), 0.0);
+}
+
+#[test]
+fn the_cone_of_a_spectrometer_is_that_of_its_own_beams() {
+    let table = first_order_table(&spectrometer(vec![-42.0, -40.0]));
+    // A round beam of 4 mm meets at 100 mm.
+    let na = 2.0 / 2_f64.hypot(100.0);
+    assert!(table.is_image_na_real && (table.image_na / na - 1.0).abs() < 1e-6, "{}", table.image_na);
+    assert_eq!(table.image_na_field_deg, Some(-40.0));
+    let with_axis = first_order_table(&spectrometer(vec![-42.0, 0.0]));
+    assert_eq!(with_axis.image_na_field_deg, None);
+    assert!(with_axis.image_na < 0.9 * na, "{}", with_axis.image_na);
+}
+
+#[test]
+fn a_lens_whose_axis_is_dark_has_curves_over_its_own_fields() {
+    let options = AnalysisOptions { field_points: 3, ..Default::default() };
+    let curves = field_curves(&spectrometer(vec![-42.0, -40.0]), &options).unwrap();
+    assert_eq!(curves.field_deg, [-40.0, -41.0, -42.0]);
+    assert!((curves.relative_illumination[0][0] - 1.0).abs() < 1e-12);
+    // h = 100 mm tan t with sin t = sin a + sin 40 degrees; near -40 degrees dh/da = 100 mm cos a, and by the tangent 100 mm cos^3 a.
+    let (field, axis) = (-42_f64.to_radians(), -40_f64.to_radians());
+    let height = 100.0 * (field.sin() - axis.sin()).asin().tan();
+    let by_tangent = height / (field.tan() - axis.tan()) / (100.0 * axis.cos().powi(3)) - 1.0;
+    let by_angle = height / (field - axis) / (100.0 * axis.cos()) - 1.0;
+    for (found, wanted) in
+        [(&curves.distortion_percent[0], by_tangent), (&curves.f_theta_distortion_percent[0], by_angle)]
+    {
+        assert!(found[0].abs() < 1e-6, "{found:?}");
+        assert!((found[2] - 100.0 * wanted).abs() < 1e-3, "{found:?} {wanted}");
+    }
+    let one = field_curves(&spectrometer(vec![-40.0]), &options).unwrap();
+    assert_eq!(one.field_deg, [-40.0; 3]);
+    let whole = analyze(&spectrometer(vec![-42.0, -40.0]), &options, &|| Ok(())).unwrap();
+    assert_eq!(whole.no_curves, None);
+    // Rays of the reference field cross its chief ray in the image.
+    let crossings = &whole.longitudinal_aberration.crossing_mm[0];
+    assert!(crossings.iter().all(|mm| mm.unwrap().abs() < 1e-3), "{crossings:?}");
 }

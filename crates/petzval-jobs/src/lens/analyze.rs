@@ -14,6 +14,7 @@ use serde::Serialize;
 
 use super::analysis_csv::TABLES;
 use super::focus::{FocusAt, check_image, focused, out_of_focus};
+use super::show::of_one_field;
 use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, Result, make_folder, write_file};
@@ -226,6 +227,9 @@ impl Prepared {
                 "{name}: {no_waves}: MTF and encircled energy are by rays, and there is no Strehl ratio"
             ));
         }
+        if let Some(said) = of_one_field(&lens) {
+            context.note(format!("{name}: {said}"));
+        }
         let pixel_pitch_um = match &request.sensor {
             Some(sensor) => Some(sensor.read(&context.assets)?.pixel_um),
             None => request.pixel_um,
@@ -246,7 +250,7 @@ impl Prepared {
             done.add(1, |done| context.progress(done, fields, "fields"));
             context.cancel().check()
         };
-        analyze(lens, options, &tick).map_err(|error| {
+        let analysis = analyze(lens, options, &tick).map_err(|error| {
             let lost = match &error {
                 AnalysisError::Stopped(cancelled) => return (*cancelled).into(),
                 AnalysisError::NoChiefRay { field_deg, wavelength_um } => {
@@ -269,7 +273,11 @@ impl Prepared {
                     ),
                 ),
             }
-        })
+        })?;
+        if let Some(reason) = &analysis.no_curves {
+            context.note(format!("{name}: no curves over the field: {reason}"));
+        }
+        Ok(analysis)
     }
 }
 

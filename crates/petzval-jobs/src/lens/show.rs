@@ -276,12 +276,13 @@ fn spots(name: &str, lens: &Lens) -> Result<Vec<Spots>> {
     lens.fields_deg.iter().map(of_field).collect()
 }
 
-/// The spot on the axis, to which illumination is relative; `None` if no light arrives there.
+/// The spot on the axis, to which illumination is relative, or of the field that stands for it; `None` if no light arrives there.
 fn axis_spot(lens: &Lens, spots: &[Spots]) -> Option<FieldSpot> {
-    let known = lens.fields_deg.iter().position(|field_deg| *field_deg == 0.0);
+    let axis_deg = lens.reference_field_deg();
+    let known = lens.fields_deg.iter().position(|field_deg| *field_deg == axis_deg);
     match known.and_then(|i| spots.get(i)) {
         Some(spots) => Some(spots.real_stop.value.clone()),
-        None => Some(spot_converged(lens, 0.0, &SPOTS)?.value),
+        None => Some(spot_converged(lens, axis_deg.to_radians(), &SPOTS)?.value),
     }
 }
 
@@ -299,6 +300,23 @@ pub(super) fn of_one_section(lens: &Lens) -> Option<String> {
          with every surface on the axis"
             .to_owned()
     })
+}
+
+/// Says which field stands for the axis in a lens without a field near it.
+pub(super) fn of_one_field(lens: &Lens) -> Option<String> {
+    let field_deg = lens.reference_field_deg();
+    (field_deg != 0.0).then(|| {
+        format!(
+            "the fields lie on one side of the axis: NA, working f-number and Airy disk are those of the nearest field, {} degrees, \
+             and illumination is relative to it",
+            shown_deg(field_deg)
+        )
+    })
+}
+
+/// A field as warnings show it, degrees: one that another program states as a height has all digits of an angle.
+fn shown_deg(field_deg: f64) -> f64 {
+    (field_deg * 1e4).round() / 1e4
 }
 
 /// Warns of what is odd about a lens that can be traced all the same.
@@ -351,17 +369,22 @@ fn warnings(lens: &Lens, order: &FirstOrder, spots: &[Spots]) -> Vec<String> {
             "light leaves the lens parallel in its paraxial y-z section alone: spots are those of real rays on the plane of the file".to_owned(),
         );
     } else if !Cone::of(lens).is_real {
-        found.push(
-            "a ray through the rim of the stop is lost on the axis: NA and working f-number are those of the paraxial \
+        let axis_deg = lens.reference_field_deg();
+        let place = if axis_deg == 0.0 {
+            "on the axis".to_owned()
+        } else {
+            format!("at {} degrees", shown_deg(axis_deg))
+        };
+        found.push(format!(
+            "a ray through the rim of the stop is lost {place}: NA and working f-number are those of the paraxial \
              marginal ray"
-                .to_owned(),
-        );
+        ));
     }
     found.extend(of_one_section(lens));
+    found.extend(of_one_field(lens));
     let reference = lens.at_wavelength(lens.reference_um);
     for (field_deg, spots) in lens.fields_deg.iter().zip(spots) {
-        // A field that another program states as a height has all digits of an angle.
-        let shown_deg = (field_deg * 1e4).round() / 1e4;
+        let shown_deg = shown_deg(*field_deg);
         if !spots.real_stop.is_converged {
             found.push(format!(
                 "at {shown_deg} degrees spot and illumination are uncertain by {:.1} %, on {} pupil cells a side",

@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use super::edit::{Edit, Edited, edited};
 use super::focus::{Defocus, defocus};
 use super::optimize::Goal;
-use super::show::{of_one_section, unshadowed};
+use super::show::{of_one_field, of_one_section, unshadowed};
 use crate::context::Context;
 use crate::error::Result;
 use crate::input::LensInput;
@@ -260,7 +260,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let mut field_curves = Vec::new();
     keep(curves, &mut field_curves, &mut note);
     let lens = &file.lens;
-    problems.extend([unshadowed(lens), of_one_section(lens)].into_iter().flatten());
+    problems.extend([unshadowed(lens), of_one_section(lens), of_one_field(lens)].into_iter().flatten());
     // A lens that cannot be built has no focus.
     let is_whole = !request.quick && validate(lens).is_ok();
     Ok(Response {

@@ -23,7 +23,7 @@ pub struct AxialColour {
     pub shift_mm: Vec<Option<f64>>,
 }
 
-/// Crossings of axial rays with the axis, over their height in the pupil.
+/// Crossings of axial rays with the axis, over their height in the pupil; of rays of [`Lens::reference_field_deg`] with its chief ray.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct LongitudinalAberration {
     /// Height on the stop in units of its radius, 0..1.
@@ -45,15 +45,16 @@ pub fn axial_colour(lens: &Lens) -> AxialColour {
     AxialColour { wavelength_um, shift_mm }
 }
 
-/// Crossings of rays of the axis in the plane of the fields.
+/// Crossings of rays of the axis, or of [`Lens::reference_field_deg`], in the plane of the fields.
 pub fn longitudinal_aberration(lens: &Lens, options: &AnalysisOptions) -> LongitudinalAberration {
     let pupil = evenly(0.0, 1.0, options.fan_points.max(3));
     let stop = first_order(&lens.at_wavelength(lens.reference_um)).stop_radius_mm;
+    let field_rad = lens.reference_field_deg().to_radians();
     let crossing_mm = lens.wavelengths_um.iter().map(|w| {
         let sequence = lens.at_wavelength(*w);
         let image = |p: f64| {
-            let at = aim_one(&sequence, 0.0, stop, [0.0, p])?;
-            trace_ray(&sequence, launch(&sequence, 0.0, at).ray).image
+            let at = aim_one(&sequence, field_rad, stop, [0.0, p])?;
+            trace_ray(&sequence, launch(&sequence, field_rad, at).ray).image
         };
         let chief = image(0.0);
         let crossing = |p: f64| {

@@ -1,4 +1,6 @@
 //! The cone of light on the axis, by real rays: numerical aperture, working f-number, resolution.
+//!
+//! Where no beam of a lens is near the axis, it is that of the field nearest to it, see [`Lens::reference_field_deg`].
 
 use std::f64::consts::{PI, TAU};
 
@@ -18,7 +20,7 @@ const NEAR_AXIS: f64 = 1e-3;
 /// Angle between two such rays that leave parallel, rad.
 const PARALLEL_RAD: f64 = 1e-7;
 
-/// The cone of light that meets the image on the axis, at the reference wavelength.
+/// The cone of light that meets the image on the axis, or at [`Lens::reference_field_deg`], at the reference wavelength.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cone {
     /// Numerical aperture `n' sin U` of the marginal rays; 0 of light that leaves the lens parallel.
@@ -36,7 +38,7 @@ impl Cone {
             return Self { na: 0.0, is_real: false };
         }
         let sequence = lens.at_wavelength(lens.reference_um);
-        match real_na(&sequence) {
+        match real_na(&sequence, lens.reference_field_deg().to_radians()) {
             Some(na) => Self { na, is_real: true },
             None => Self { na: paraxial_na(&sequence), is_real: false },
         }
@@ -82,15 +84,15 @@ pub fn leaves_parallel(lens: &Lens) -> [bool; 2] {
     })
 }
 
-/// Numerical aperture by rays through the rim of the stop; `None` if one of them is lost.
+/// Numerical aperture of a field by rays through the rim of the stop; `None` if one of them is lost.
 ///
 /// The rays cut the plane across the chief ray in a polygon of direction cosines. Inscribed in an ellipse at evenly spaced angles, it has
 /// `sin(step) / step` of the ellipse's area.
-fn real_na(sequence: &Sequence) -> Option<f64> {
+fn real_na(sequence: &Sequence, field_rad: f64) -> Option<f64> {
     let stop_radius_mm = first_order(sequence).stop_radius_mm;
     let direction = |p: [f64; 2]| -> Option<Vec3> {
-        let at = aim_one(sequence, 0.0, stop_radius_mm, p)?;
-        Some(trace_ray(sequence, launch(sequence, 0.0, at).ray).image?.direction)
+        let at = aim_one(sequence, field_rad, stop_radius_mm, p)?;
+        Some(trace_ray(sequence, launch(sequence, field_rad, at).ray).image?.direction)
     };
     // Axes across the chief ray, from x and y in turn; it is never near x, since lines have a positive z component.
     let chief = direction([0.0; 2])?;

@@ -18,7 +18,10 @@ const CLOSE: f64 = 1e-4;
 /// Field, as a share of the full one, whose chief rays are the reference of distortion.
 const NEAR: f64 = 1e-3;
 
-/// Curves over the field; lists by wavelength hold one value per field.
+/// Difference of two fields that are the same but for rounding, rad or the tangent.
+const SAME_FIELD: f64 = 1e-9;
+
+/// Curves over the field; lists by wavelength hold one value per field. "The axis" is [`Lens::reference_field_deg`] where no field is near it.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct FieldCurves {
     /// Fields from the axis outwards, or from one side to the other, degrees.
@@ -48,6 +51,22 @@ struct AtField {
     illumination: Vec<f64>,
 }
 
+impl FieldCurves {
+    /// No curves, for a number of wavelengths.
+    pub(super) fn none(colours: usize) -> Self {
+        let empty = || vec![Vec::new(); colours];
+        Self {
+            field_deg: Vec::new(),
+            tangential_focus_mm: empty(),
+            sagittal_focus_mm: empty(),
+            distortion_percent: empty(),
+            f_theta_distortion_percent: empty(),
+            lateral_colour_um: empty(),
+            relative_illumination: empty(),
+        }
+    }
+}
+
 /// The curves of a lens.
 pub fn field_curves(lens: &Lens, options: &AnalysisOptions) -> Result<FieldCurves, AnalysisError> {
     let field_deg = options.fields_deg(lens);
@@ -69,11 +88,12 @@ pub fn field_curves(lens: &Lens, options: &AnalysisOptions) -> Result<FieldCurve
         Ok(result)
     };
     let fields = field_deg.par_iter().map(at).collect::<Result<Vec<_>, _>>()?;
-    let axis = at(&0.0)?;
-    let furthest = field_deg.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+    let axis_deg = lens.reference_field_deg();
+    let (axis, axis_rad) = (at(&axis_deg)?, axis_deg.to_radians());
+    let furthest = field_deg.iter().fold(0.0_f64, |a, b| a.max((b - axis_deg).abs()));
     let scale = |w: f64| {
-        let lost = AnalysisError::NoChiefRay { field_deg: 0.0, wavelength_um: w };
-        height_per_tangent(&lens.at_wavelength(w), furthest.to_radians()).ok_or(lost)
+        let lost = AnalysisError::NoChiefRay { field_deg: axis_deg, wavelength_um: w };
+        height_per_tangent(&lens.at_wavelength(w), axis_rad, furthest.to_radians()).ok_or(lost)
     };
     let reference_scale = scale(lens.reference_um)?;
     let scales = lens.wavelengths_um.iter().map(|w| scale(*w)).collect::<Result<Vec<_>, _>>()?;
@@ -82,22 +102,23 @@ pub fn field_curves(lens: &Lens, options: &AnalysisOptions) -> Result<FieldCurve
             .map(|colour| (0..fields.len()).map(|i| value(i, colour)).collect())
             .collect()
     };
-    let distortion = |ideal: &dyn Fn(f64) -> f64| {
+    // Scales are per tangent; `tangent_slope` turns them into those per unit of the ideal, at the axis.
+    let distortion = |ideal: &dyn Fn(f64) -> f64, tangent_slope: f64| {
         by_colour(&|i, colour| {
-            let measure = ideal(field_deg[i].to_radians());
-            let found = if measure == 0.0 {
-                scales[colour]
+            let measure = ideal(field_deg[i].to_radians()) - ideal(axis_rad);
+            let found = if measure.abs() < SAME_FIELD {
+                scales[colour] * tangent_slope
             } else {
                 (fields[i].height_mm[colour] - axis.height_mm[colour]) / measure
             };
-            100.0 * (found / reference_scale - 1.0)
+            100.0 * (found / (reference_scale * tangent_slope) - 1.0)
         })
     };
     Ok(FieldCurves {
         tangential_focus_mm: by_colour(&|i, colour| fields[i].foci_mm[colour][1]),
         sagittal_focus_mm: by_colour(&|i, colour| fields[i].foci_mm[colour][0]),
-        distortion_percent: distortion(&rectilinear_tangent),
-        f_theta_distortion_percent: distortion(&|field| field),
+        distortion_percent: distortion(&rectilinear_tangent, 1.0),
+        f_theta_distortion_percent: distortion(&|field| field, axis_rad.cos().powi(-2)),
         lateral_colour_um: by_colour(&|i, colour| {
             1e3 * (fields[i].height_mm[colour] - fields[i].reference_height_mm)
         }),
@@ -108,12 +129,13 @@ pub fn field_curves(lens: &Lens, options: &AnalysisOptions) -> Result<FieldCurve
     })
 }
 
-/// Height of chief rays near the axis divided by the tangent of their field, mm; `None` if they are lost.
-fn height_per_tangent(sequence: &Sequence, full_field_rad: f64) -> Option<f64> {
+/// Height of chief rays near the field `axis_rad` divided by the tangent of their field, both from that field on, mm; `None` if they are lost.
+fn height_per_tangent(sequence: &Sequence, axis_rad: f64, full_field_rad: f64) -> Option<f64> {
     // Take a field so small that distortion, which grows with the square, is below the printed digits.
     let near = if full_field_rad > 0.0 { NEAR * full_field_rad } else { NEAR };
     let height = |field: f64| Some(chief_ray(sequence, field)?.y_mm);
-    Some((height(near)? - height(-near)?) / (2.0 * near.tan()))
+    let (below, above) = (axis_rad - near, axis_rad + near);
+    Some((height(above)? - height(below)?) / (above.tan() - below.tan()))
 }
 
 /// Crossings of the chief ray with nearby rays, across the plane of the fields and in it: z from the image plane, mm.

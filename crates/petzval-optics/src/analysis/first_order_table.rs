@@ -26,6 +26,9 @@ pub struct FirstOrderTable {
     pub working_f_number: Option<f64>,
     /// Whether the numerical aperture is that of real rays; else of the paraxial marginal ray, because a real one is lost.
     pub is_image_na_real: bool,
+    /// The field of that cone, degrees, where it is not that of the axis, see [`Lens::reference_field_deg`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub image_na_field_deg: Option<f64>,
     /// Of a far object through an afocal lens: tangent of the angle at which a field leaves over that at which it comes.
     pub angular_magnification: Option<f64>,
     /// From the first vertex to the object, mm, negative.
@@ -93,6 +96,7 @@ pub fn first_order_table(lens: &Lens) -> FirstOrderTable {
         image_na: cone.na,
         working_f_number: exists(cone.working_f_number()),
         is_image_na_real: cone.is_real,
+        image_na_field_deg: Some(lens.reference_field_deg()).filter(|field_deg| *field_deg != 0.0),
         angular_magnification: exists(b / n_image.abs()).filter(|_| is_afocal),
         object_mm,
         magnification,

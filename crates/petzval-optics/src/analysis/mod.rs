@@ -81,6 +81,21 @@ pub struct Analysis {
     pub longitudinal_aberration: LongitudinalAberration,
     /// Energy within circles, by field.
     pub encircled_energy: Vec<EncircledEnergy>,
+    /// Why there are no curves over the field: a field between those of the lens has no light.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub no_curves: Option<String>,
+}
+
+/// Curves over the field. Where a field that the lens does not name has no light, there are none, and `no_curves` says why.
+fn over_the_field<T>(
+    curves: Result<T, AnalysisError>,
+    none: impl FnOnce() -> T,
+    no_curves: &mut Option<String>,
+) -> T {
+    curves.unwrap_or_else(|error| {
+        *no_curves = Some(error.to_string());
+        none()
+    })
 }
 
 /// All analyses of a lens. Calls `tick` after each field of the lens; its error ends the analysis.
@@ -106,7 +121,12 @@ pub fn analyze(
         || (0..lens.fields_deg.len()).into_par_iter().map(by_field).collect::<Result<Vec<_>, _>>(),
         || (mtf_by_field(lens, options), field_curves(lens, options)),
     );
+    // Fields of the lens without light are errors; the curves take fields between them.
     let per_field = per_field?;
+    let mut no_curves = None;
+    let mtf_by_field = over_the_field(mtf_by_field, MtfByField::none, &mut no_curves);
+    let none = || FieldCurves::none(lens.wavelengths_um.len());
+    let field_curves = over_the_field(field_curves, none, &mut no_curves);
     Ok(Analysis {
         name: lens.name.clone(),
         wavelengths_um: lens.wavelengths_um.clone(),
@@ -122,9 +142,27 @@ pub fn analyze(
         mtf: per_field.iter().map(|f| f.3.clone()).collect(),
         mtf_through_focus: per_field.iter().map(|f| f.4.clone()).collect(),
         encircled_energy: per_field.into_iter().map(|f| f.5).collect(),
-        mtf_by_field: mtf_by_field?,
-        field_curves: field_curves?,
+        mtf_by_field,
+        field_curves,
         axial_colour: axial_colour(lens),
         longitudinal_aberration: longitudinal_aberration(lens, options),
+        no_curves,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_dark_field_that_the_lens_does_not_name_leaves_the_curves_out_and_says_why() {
+        let mut reason = None;
+        let dark = Err(AnalysisError::NoLight { field_deg: 3.0 });
+        let curves = over_the_field(dark, || FieldCurves::none(2), &mut reason);
+        assert!(curves.field_deg.is_empty() && curves.relative_illumination == [vec![], vec![]]);
+        assert_eq!(reason.as_deref(), Some("at 3 degrees no light reaches the image"));
+        let mut reason = None;
+        assert_eq!(over_the_field(Ok(7), || 0, &mut reason), 7);
+        assert_eq!(reason, None);
+    }
 }

@@ -71,6 +71,13 @@ pub struct ThroughFocusMtf {
 
 const SECTIONS: [Section; 2] = [Section::Sagittal, Section::Tangential];
 
+impl MtfByField {
+    /// No curves.
+    pub(super) fn none() -> Self {
+        Self { field_deg: Vec::new(), frequency_per_mm: Vec::new(), geometric: Vec::new(), diffraction: None }
+    }
+}
+
 impl MtfCurve {
     /// A curve of `modulation` in both sections, at some points.
     fn of<T: Copy>(points: &[T], modulation: impl Fn(Section, T) -> f64) -> Self {

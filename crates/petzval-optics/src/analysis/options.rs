@@ -111,12 +111,17 @@ impl AnalysisOptions {
         evenly(-range, range, self.focus_points.max(3))
     }
 
-    /// Fields from the axis to the full field, degrees; from one end to the other where the lens has fields on both sides.
+    /// Fields from the axis, or from [`Lens::reference_field_deg`], to the full field, degrees; from one end to the other where the lens has fields
+    /// on both sides.
     pub(super) fn fields_deg(&self, lens: &Lens) -> Vec<f64> {
-        let lowest = lens.fields_deg.iter().copied().fold(0.0, f64::min);
-        let highest = lens.fields_deg.iter().copied().fold(0.0, f64::max);
+        let first = lens.reference_field_deg();
+        let lowest = lens.fields_deg.iter().copied().fold(first, f64::min);
+        let highest = lens.fields_deg.iter().copied().fold(first, f64::max);
         let count = self.field_points.max(2);
-        if highest == 0.0 { evenly(0.0, lowest, count) } else { evenly(lowest, highest, count) }
+        if lowest == highest {
+            return vec![first; count];
+        }
+        if highest == first { evenly(first, lowest, count) } else { evenly(lowest, highest, count) }
     }
 }
 

@@ -66,10 +66,25 @@ pub struct Lens {
     pub fields_deg: Vec<f64>,
 }
 
+/// Field, as a share of the outermost, up to which the fields of a lens reach the axis.
+const NEAR_AXIS: f64 = 0.1;
+
 impl Lens {
     /// Angle between the axis and the outermost field, on either side of it, degrees; 0 without a field off the axis.
     pub fn outermost_field_deg(&self) -> f64 {
         self.fields_deg.iter().fold(0.0, |most, field| field.abs().max(most))
+    }
+
+    /// The field that stands for the axis, degrees: figures "on the axis" are those of its beam, and illumination is relative to it.
+    ///
+    /// It is 0 in a rotationally symmetric lens, and where the fields reach the axis or nearly so. Where all fields of another lens lie on
+    /// one side of the axis, as behind a grating, no beam need come from there: then it is the field nearest to the axis.
+    pub fn reference_field_deg(&self) -> f64 {
+        let nearer = |a: f64, b: &f64| if b.abs() < a.abs() { *b } else { a };
+        let nearest = self.fields_deg.iter().fold(f64::INFINITY, nearer);
+        let is_one_sided = self.fields_deg.iter().all(|field| field * nearest > 0.0);
+        let is_away = nearest.is_finite() && nearest.abs() > NEAR_AXIS * self.outermost_field_deg();
+        if is_one_sided && is_away && !self.is_rotationally_symmetric() { nearest } else { 0.0 }
     }
 
     /// Whether the y-z plane, in which the fields lie, is a plane of symmetry.

@@ -3,7 +3,7 @@
 use maud::html;
 use petzval_optics::analysis::Analysis;
 
-use super::style::{axis_with_zero, blank, wavelength_keys, wavelength_name, wavelength_pen};
+use super::style::{axis_with_zero, blank, field_name, wavelength_keys, wavelength_name, wavelength_pen};
 use crate::palette::INK;
 use crate::plot::{Axis, Curve, Frame, Names, Pen, Sheet, span};
 
@@ -39,8 +39,12 @@ pub(super) fn axial_colour(analysis: &Analysis) -> Sheet {
     };
     Sheet {
         remark: format!(
-            "Left: paraxial focus from that at {}. Right: where rays of the axis cross it, by height in the stop.",
-            wavelength_name(analysis.reference_um)
+            "Left: paraxial focus from that at {}. Right: where {}, by height in the stop.",
+            wavelength_name(analysis.reference_um),
+            match analysis.first_order.image_na_field_deg {
+                None => "rays of the axis cross it".to_owned(),
+                Some(field_deg) => format!("rays of {} cross their chief ray", field_name(field_deg)),
+            }
         ),
         keys: wavelength_keys(analysis),
         alt: format!("Focus of {} over wavelength and over the pupil", analysis.name),

@@ -4,8 +4,8 @@ use maud::html;
 use petzval_optics::analysis::Analysis;
 
 use super::style::{
-    axis_with_zero, blank, has_one_field, section_keys, wavelength_keys, wavelength_name, wavelength_pen,
-    without_curves,
+    axis_with_zero, blank, field_name, has_one_field, section_keys, wavelength_keys, wavelength_name,
+    wavelength_pen, without_curves,
 };
 use crate::plot::{Axis, Curve, Frame, Names, Pen, Sheet, span};
 
@@ -34,7 +34,8 @@ pub(super) fn field_curvature(analysis: &Analysis) -> Sheet {
     let mut keys = wavelength_keys(analysis);
     keys.extend(section_keys());
     let remark = format!(
-        "Foci of rays close to the chief ray; distortion of the chief ray from the tangent of the field; near the axis {} has none.",
+        "Foci of rays close to the chief ray; distortion of the chief ray from the tangent of the field; near {} {} has none.",
+        analysis.first_order.image_na_field_deg.map_or_else(|| "the axis".to_owned(), field_name),
         wavelength_name(analysis.reference_um)
     );
     Sheet {

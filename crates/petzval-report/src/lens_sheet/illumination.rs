@@ -3,7 +3,7 @@
 use petzval_optics::analysis::Analysis;
 
 use super::mtf::{modulation_frame, sheet};
-use super::style::{has_one_field, wavelength_keys, wavelength_pen, without_curves};
+use super::style::{axis_name, has_one_field, wavelength_keys, wavelength_pen, without_curves};
 use crate::plot::{Axis, Curve, Names, Sheet, span};
 
 /// Illumination of the image divided by that on the axis, by wavelength.
@@ -29,6 +29,7 @@ pub(super) fn relative_illumination(analysis: &Analysis) -> Sheet {
         frame.y = Axis::around(0.0, brightest, 6);
     }
     let names = Names { head: "", x: "field, degrees", y: "relative illumination" };
-    let remark = "Light on the image plane divided by that on the axis at the same wavelength.";
-    sheet(analysis, class, title, remark, wavelength_keys(analysis), frame.draw(names, &curves))
+    let axis = axis_name(analysis);
+    let remark = format!("Light on the image plane divided by that {axis} at the same wavelength.");
+    sheet(analysis, class, title, &remark, wavelength_keys(analysis), frame.draw(names, &curves))
 }

@@ -127,6 +127,20 @@ mod tests {
         let curves = &mut analysis.field_curves;
         curves.field_deg.iter_mut().for_each(|f| *f = 0.0);
         assert!(picture(&analysis, "lateral_colour").contains("only one field"));
+        analysis.no_curves = Some("at 3 degrees no light reaches the image".into());
+        let said = "There are no curves over the field: at 3 degrees no light reaches the image.";
+        assert!(picture(&analysis, "lateral_colour").contains(said));
+    }
+
+    #[test]
+    fn figures_of_a_field_that_stands_for_the_axis_name_it() {
+        let mut analysis = sample::analysis();
+        assert!(picture(&analysis, "relative_illumination").contains("divided by that on the axis"));
+        assert!(!page(&analysis, &surfaces(), PICTURES.iter()).contains("field of NA"));
+        analysis.first_order.image_na_field_deg = Some(7.5);
+        assert!(picture(&analysis, "relative_illumination").contains("divided by that at 7.5°"));
+        assert!(picture(&analysis, "axial_colour").contains("rays of 7.5° cross their chief ray"));
+        assert!(page(&analysis, &surfaces(), PICTURES.iter()).contains("field of NA"));
     }
 
     #[test]

@@ -127,11 +127,23 @@ pub(super) fn blank(analysis: &Analysis, class: &'static str, title: &str) -> Sh
     Sheet { class, title: title.into(), width: WIDTH_PX, foot: foot(analysis), ..Sheet::default() }
 }
 
-/// Replaces curves over the field if there is only one field.
+/// The field to which figures of the axis belong, in a sentence.
+pub(super) fn axis_name(analysis: &Analysis) -> String {
+    let field_deg = analysis.first_order.image_na_field_deg;
+    field_deg.map_or_else(|| "on the axis".to_owned(), |deg| format!("at {}", field_name(deg)))
+}
+
+/// Replaces curves over the field if there is only one field, or if a field between those of the lens has no light.
 pub(super) fn without_curves(analysis: &Analysis, class: &'static str, title: &str) -> Sheet {
     Sheet {
-        remark: "The lens has only one field: there are no curves over the field.".into(),
-        alt: format!("{title} of {}: there is only one field", analysis.name),
+        remark: match &analysis.no_curves {
+            Some(reason) => format!("There are no curves over the field: {reason}."),
+            None => "The lens has only one field: there are no curves over the field.".into(),
+        },
+        alt: match &analysis.no_curves {
+            Some(reason) => format!("{title} of {}: {reason}", analysis.name),
+            None => format!("{title} of {}: there is only one field", analysis.name),
+        },
         height: 20.0,
         ..blank(analysis, class, title)
     }

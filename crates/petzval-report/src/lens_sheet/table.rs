@@ -15,13 +15,14 @@ pub(super) fn first_order(analysis: &Analysis) -> Markup {
     let o = &analysis.first_order;
     let mm = |v: Option<f64>| v.map(|v| format!("{} mm", number::fixed(v, 4)));
     let plain = |v: Option<f64>, decimals: usize| v.map(|v| number::fixed(v, decimals));
-    let rows: [(&str, Option<String>); 23] = [
+    let rows: [(&str, Option<String>); 24] = [
         ("focal length", mm(o.efl_mm)),
         ("back focal length", mm(o.bfl_mm)),
         ("front focal length", mm(o.ffl_mm)),
         ("f-number", plain(o.f_number, 3)),
         ("numerical aperture at the image", plain(Some(o.image_na), 4)),
         ("working f-number, 1 / (2 NA)", plain(o.working_f_number, 3)),
+        ("field of NA, Airy disk and cutoff", o.image_na_field_deg.map(field_name)),
         ("object from the first vertex", Some(mm(o.object_mm).unwrap_or_else(|| "at infinity".into()))),
         ("magnification", plain(o.magnification, 4)),
         ("full field", Some(field_name(o.full_field_deg))),

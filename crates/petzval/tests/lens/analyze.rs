@@ -68,6 +68,32 @@ semi_diameter_mm = 20.0
 placement = { tilt_deg = [45.0, 0.0, 0.0], axis = "bends" }
 "#;
 
+/// A grating that turns light of -40 degrees into the axis of a perfect lens, which light of the axis misses.
+const SPECTROMETER: &str = r#"
+name = "spectrometer"
+units = "mm"
+[aperture]
+entrance_pupil_diameter_mm = 4.0
+[object]
+distance_mm = inf
+[wavelengths]
+um = [0.5]
+reference_um = 0.5
+[fields]
+angle_deg = [-42.0, -40.0, -38.0]
+[[surface]]
+stop = true
+radius_mm = inf
+grating = { lines_per_mm = 1285.575219373079, order = 1 }
+thickness_mm = 20.0
+semi_diameter_mm = 3.0
+[[surface]]
+radius_mm = inf
+thin_lens = { focal_length_mm = 100.0 }
+thickness_mm = 100.0
+semi_diameter_mm = 6.0
+"#;
+
 /// The SVG of a picture, parsed.
 fn with_svg<T>(folder: &Path, name: &str, look: impl Fn(roxmltree::Node) -> T) -> T {
     let text = read(&folder.join(format!("{name}.svg")));
@@ -283,6 +309,26 @@ fn of_a_thousand_wavelengths_31_are_analysed() {
     let um = data["wavelengths_um"].as_array().unwrap();
     assert_eq!((um.len(), um[0].as_f64().unwrap()), (31, 0.45));
     assert!((um[30].as_f64().unwrap() - 0.6498).abs() < 1e-9);
+}
+
+#[test]
+fn a_lens_is_analysed_at_its_own_fields_where_its_axis_is_dark() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("spectrometer.toml"), SPECTROMETER).unwrap();
+    let analyze = ["lens", "analyze", "spectrometer.toml", "--fields=-40", "--only", "json", "--json"];
+    let run = run_ok(folder.path(), &analyze);
+    assert!(
+        run.says("those of the nearest field, -40 degrees, and illumination is relative to it"),
+        "{run:?}"
+    );
+    let data = run.json();
+    assert_eq!(data["first_order"]["image_na_field_deg"], -40.0);
+    // Round beams of 4 mm meet at 100 mm.
+    let working = data["first_order"]["working_f_number"].as_f64().unwrap();
+    assert!((working / 25.005 - 1.0).abs() < 1e-4, "{working}");
+    let shown = run_ok(folder.path(), &["lens", "show", "spectrometer.toml", "--json"]).json();
+    assert_eq!(shown["relative_illumination"][2][0], 1.0);
+    assert!(shown["warnings"].to_string().contains("the nearest field, -38 degrees"), "{shown}");
 }
 
 #[test]
