@@ -93,11 +93,32 @@ pub fn thin_equivalent(lens: &Lens) -> Lens {
 /// Rays are straight behind the lens, so the mean is exactly quadratic in the image distance, and three values give its
 /// minimum.
 pub fn with_best_focus(lens: &Lens, fields_rad: &[f64], quadrature: &Quadrature) -> Option<Lens> {
+    with_least(lens, |lens| Some(mean_square_spot_traced(lens, fields_rad, quadrature)?.0))
+}
+
+/// The same with the spot of each wavelength about its own centroid, so that how far the wavelengths lie apart does not count.
+pub fn with_best_focus_of_colours(lens: &Lens, fields_rad: &[f64], quadrature: &Quadrature) -> Option<Lens> {
+    with_least(lens, |lens| Some(mean_square_spots_of_colours(lens, fields_rad, quadrature)?.iter().sum()))
+}
+
+/// Mean over fields of the squared RMS spot radius of each wavelength about its own centroid, um^2; `None` if some field brings no light.
+pub fn mean_square_spots_of_colours(
+    lens: &Lens,
+    fields_rad: &[f64],
+    quadrature: &Quadrature,
+) -> Option<Vec<f64>> {
+    let of_colour = |um: &f64| {
+        let one = Lens { wavelengths_um: vec![*um], ..lens.clone() };
+        Some(mean_square_spot_traced(&one, fields_rad, quadrature)?.0)
+    };
+    lens.wavelengths_um.iter().map(of_colour).collect()
+}
+
+/// The lens with its image plane where a value that is quadratic in the image distance is least.
+fn with_least(lens: &Lens, value: impl Fn(&Lens) -> Option<f64>) -> Option<Lens> {
     let step = 0.1;
     let at = lens.image_distance_mm();
-    let value = |distance: f64| {
-        Some(mean_square_spot_traced(&lens.with_image_distance(distance), fields_rad, quadrature)?.0)
-    };
+    let value = |distance: f64| value(&lens.with_image_distance(distance));
     let (below, here, above) = (value(at - step)?, value(at)?, value(at + step)?);
     let curvature = below - 2.0 * here + above;
     Some(lens.with_image_distance(at - 0.5 * step * (above - below) / curvature))

@@ -13,7 +13,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::analysis_csv::TABLES;
-use super::focus::{FocusAt, check_image, focused, out_of_focus};
+use super::focus::{FocusAt, check_image, colours_out_of_focus, focused, out_of_focus};
 use super::show::of_one_field;
 use crate::as_unit::AsUnit;
 use crate::context::Context;
@@ -217,9 +217,12 @@ impl Prepared {
             }
         }
         check_image(&name, &lens)?;
-        if request.focus == FocusAt::File
-            && let Some(warning) = out_of_focus(&name, &lens)
-        {
+        let warning = match request.focus {
+            FocusAt::File => out_of_focus(&name, &lens),
+            FocusAt::Best => colours_out_of_focus(&lens),
+            FocusAt::Paraxial => None,
+        };
+        if let Some(warning) = warning {
             context.warning(WarningKind::OutOfFocus, format!("{name}: {warning}"));
         }
         if let Some(no_waves) = NoWaves::of(&lens) {

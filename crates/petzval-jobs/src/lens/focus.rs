@@ -3,12 +3,15 @@
 use std::path::{Path, PathBuf};
 
 use petzval_base::pasted;
+use petzval_base::statistics::maximum;
 use petzval_files::{LensFile, Loss};
 use petzval_optics::analysis::{Cone, leaves_parallel};
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::paraxial::first_order;
 use petzval_optics::pupil::Quadrature;
-use petzval_optics::solve::{with_best_focus, with_paraxial_focus};
+use petzval_optics::solve::{
+    mean_square_spots_of_colours, with_best_focus, with_best_focus_of_colours, with_paraxial_focus,
+};
 use petzval_optics::spot::mean_square_spot_traced;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -18,6 +21,7 @@ use super::lost::no_ray_at;
 use crate::as_unit::{AsUnit, within};
 use crate::context::Context;
 use crate::error::{JobError, Result};
+use crate::event::WarningKind;
 use crate::input::LensInput;
 
 /// Pupil cells a side of the best focus.
@@ -64,6 +68,11 @@ pub struct Response {
     pub rms_spot_before_um: Option<f64>,
     /// The same in the plane as it is now.
     pub rms_spot_um: Option<f64>,
+    /// RMS spot radius over the fields of the wavelength whose spots are largest, about its own centroids, in the plane of the file, um; none for a
+    /// lens with one wavelength, or if some field has no light there.
+    pub largest_colour_spot_before_um: Option<f64>,
+    /// The same in the plane as it is now.
+    pub largest_colour_spot_um: Option<f64>,
     /// The file that was written.
     pub to: Option<PathBuf>,
     /// Properties of the lens that the new file does not represent.
@@ -87,15 +96,26 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         // From a plane far away the spots are no guide: the paraxial focus is nearer.
         focused(with_paraxial_focus(&before, 0.0), request.focus)?
     };
+    if request.focus == FocusAt::Best
+        && let Some(said) = colours_out_of_focus(&lens)
+    {
+        context.warning(WarningKind::OutOfFocus, format!("{name}: {said}"));
+    }
     let quadrature = Quadrature::grid(PUPIL_CELLS).map_err(|e| JobError::failed(e.to_string()))?;
     let fields: Vec<f64> = lens.fields_deg.iter().map(|f| f.to_radians()).collect();
     let rms_um = |lens: &Lens| Some(mean_square_spot_traced(lens, &fields, &quadrature)?.0.max(0.0).sqrt());
+    let colour_um = |lens: &Lens| {
+        let has_several = lens.wavelengths_um.len() > 1;
+        has_several.then(|| largest_colour_um(lens, &fields, &quadrature)).flatten()
+    };
     let mut response = Response {
         name: lens.name.clone(),
         image_distance_before_mm: before.image_distance_mm(),
         image_distance_mm: lens.image_distance_mm(),
         rms_spot_before_um: rms_um(&before),
         rms_spot_um: rms_um(&lens),
+        largest_colour_spot_before_um: colour_um(&before),
+        largest_colour_spot_um: colour_um(&lens),
         to: request.to.clone(),
         losses_of_writing: Vec::new(),
     };
@@ -142,6 +162,42 @@ pub(super) fn focused(lens: Lens, focus: FocusAt) -> Result<Lens> {
 /// focus, or blurs by diffraction more than by defocus. `name`: how the user calls the lens.
 pub(super) fn out_of_focus(name: &str, lens: &Lens) -> Option<String> {
     Some(format!("{}, `--focus best` shows it so", focus_elsewhere(name, lens)?))
+}
+
+/// RMS spot radius over fields of the wavelength whose spots are largest, about its own centroid, um; `None` if some field has no light.
+fn largest_colour_um(lens: &Lens, fields_rad: &[f64], quadrature: &Quadrature) -> Option<f64> {
+    let squares = mean_square_spots_of_colours(lens, fields_rad, quadrature)?;
+    Some(squares.into_iter().fold(0.0, maximum).sqrt())
+}
+
+/// What to say of a lens at its best focus that spreads wavelengths over the image, as a spectrometer does: spots about the common centroid of all
+/// wavelengths are least where none of them is in focus. `None` if its wavelengths are in focus, or blur less than by diffraction.
+pub(super) fn colours_out_of_focus(lens: &Lens) -> Option<String> {
+    if lens.wavelengths_um.len() < 2 {
+        return None;
+    }
+    let quadrature = Quadrature::grid(PUPIL_CELLS).ok()?;
+    let fields: Vec<f64> = lens.fields_deg.iter().map(|f| f.to_radians()).collect();
+    let of_colours = with_best_focus_of_colours(lens, &fields, &quadrature)?;
+    let largest_um = |lens: &Lens| largest_colour_um(lens, &fields, &quadrature);
+    let (here, there) = (largest_um(lens)?, largest_um(&of_colours)?);
+    let airy_um = Cone::of(lens).airy_radius_um(lens.reference_um);
+    (there < OUT_OF_FOCUS * here && here > airy_um).then(|| {
+        format!(
+            "the best focus is that of all wavelengths about their common centroid, and the lens spreads them apart: the spot of one wavelength \
+             is up to {here:.1} um, and {there:.1} um where the image plane lies {:+.4} mm further; to focus single wavelengths, leave one of \
+             them in [wavelengths]",
+            of_colours.image_distance_mm() - lens.image_distance_mm()
+        )
+    })
+}
+
+/// [`colours_out_of_focus`] of a lens once it is focused; `None` if it has no focus.
+pub(super) fn colours_out_of_best_focus(lens: &Lens) -> Option<String> {
+    if no_image(lens).is_some() {
+        return None;
+    }
+    colours_out_of_focus(&focused(with_paraxial_focus(lens, 0.0), FocusAt::Best).ok()?)
 }
 
 /// [`out_of_focus`] for verbs that have no choice of the focus.

@@ -11,7 +11,7 @@ use petzval_optics::spot::{FieldSpot, PrintedSpot, spot_converged, spot_paraxial
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::focus::{FocusAt, focused, out_of_focus};
+use super::focus::{FocusAt, colours_out_of_focus, focused, out_of_focus};
 use super::lost::no_ray_at;
 use crate::context::Context;
 use crate::error::{JobError, Result};
@@ -192,8 +192,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         .map(|[s1, s2, s3, s4, s5]| Seidel { s1, s2, s3, s4, s5 });
     let reported_warnings = glass_warnings(&lens, context.assets.catalog()?.as_ref());
     let mut warnings = warnings(&lens, &order, &spots);
-    if request.focus == FocusAt::File {
-        warnings.extend(out_of_focus(name, &lens));
+    match request.focus {
+        FocusAt::File => warnings.extend(out_of_focus(name, &lens)),
+        FocusAt::Best => warnings.extend(colours_out_of_focus(&lens)),
+        FocusAt::Paraxial => {}
     }
     let relative_illumination = match axis_spot(&lens, &spots) {
         Some(axis) => spots.iter().map(|s| s.real_stop.value.relative_illumination(&axis)).collect(),

@@ -227,7 +227,7 @@ impl Problem {
     }
 
     /// Whether nothing but the spots says where the image plane goes.
-    pub(super) fn has_image_plane_for_spots(&self) -> bool {
+    pub fn has_image_plane_for_spots(&self) -> bool {
         self.focus == Focus::Free
             && self.goals.is_empty()
             && self.further.is_empty()

@@ -332,6 +332,32 @@ fn a_lens_is_analysed_at_its_own_fields_where_its_axis_is_dark() {
 }
 
 #[test]
+fn a_best_focus_at_which_no_wavelength_is_in_focus_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let lines = SPECTROMETER.replace("um = [0.5]", "um = [0.49, 0.5, 0.51]");
+    assert_ne!(lines, SPECTROMETER);
+    std::fs::write(folder.path().join("lines.toml"), lines).unwrap();
+    std::fs::write(folder.path().join("line.toml"), SPECTROMETER).unwrap();
+    let said = "to focus single wavelengths, leave one of them in [wavelengths]";
+    // The lens is perfect where it is; nearer to it the lines are wide, and nearer to each other.
+    let focused = run_ok(folder.path(), &["lens", "focus", "lines.toml", "--json"]);
+    assert!(focused.says(said), "{}", focused.stderr);
+    let found = focused.json();
+    let um = |key: &str| found[key].as_f64().unwrap();
+    assert!(um("largest_colour_spot_before_um") < 0.01 && um("largest_colour_spot_um") > 100.0, "{found}");
+    assert!(um("rms_spot_um") < um("rms_spot_before_um"), "{found}");
+    let plain = run_ok(folder.path(), &["lens", "focus", "lines.toml"]).stdout;
+    assert!(plain.contains("of one wavelength"), "{plain}");
+    let shown = run_ok(folder.path(), &["lens", "show", "lines.toml", "--focus", "best", "--json"]).json();
+    assert!(shown["warnings"].to_string().contains(said), "{shown}");
+    for lens in ["line.toml", LENS] {
+        let focused = run_ok(folder.path(), &["lens", "focus", lens, "--json"]);
+        assert!(!focused.says("single wavelengths"), "{}", focused.stderr);
+        assert_eq!(focused.json()["largest_colour_spot_um"].is_null(), lens != LENS);
+    }
+}
+
+#[test]
 fn fields_and_wavelengths_may_be_others_than_those_of_the_file() {
     let folder = tempfile::tempdir().unwrap();
     let analyzed = |words: &[&str]| {

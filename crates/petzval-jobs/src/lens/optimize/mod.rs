@@ -29,7 +29,7 @@ use self::progress::{Upto, named_violations, not_optimisable, only_image_plane};
 use self::request::{ITERATIONS, ROUNDS};
 use self::search::search;
 use self::trade::{check_trade, trades};
-use super::focus::{NoImage, no_image};
+use super::focus::{NoImage, colours_out_of_best_focus, no_image};
 use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, Result};
@@ -166,7 +166,16 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         let fitted = analysis.fitted_lens(&problem);
         if is_as_stated { with_own_apertures(fitted, history.start()) } else { fitted }
     });
-    history.write_page(&page::page(&problem, &found, before.as_ref(), &best.fitted_lens(&problem)))?;
+    let fitted = best.fitted_lens(&problem);
+    if problem.has_image_plane_for_spots() {
+        let fields_deg = problem.merit.fields_rad.iter().map(|f| f.to_degrees()).collect();
+        let wavelengths_um = problem.merit.wavelengths_um.clone();
+        let seen = Lens { fields_deg, wavelengths_um, ..fitted.clone() };
+        if let Some(said) = colours_out_of_best_focus(&seen) {
+            context.warning(WarningKind::OutOfFocus, said);
+        }
+    }
+    history.write_page(&page::page(&problem, &found, before.as_ref(), &fitted))?;
     context.wrote(history.best_lens(), "lens");
     context.wrote(history.page(), "page");
     let fields_deg = problem.merit.fields_rad.iter().map(|f| f.to_degrees()).collect();

@@ -23,10 +23,11 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use self::findings::Findings;
-use super::focus::check_image;
+use super::focus::{check_image, colours_out_of_best_focus};
 use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, Result, make_folder};
+use crate::event::WarningKind;
 use crate::input::LensInput;
 use crate::range::check_ranges;
 use crate::results::check_folder;
@@ -236,6 +237,12 @@ impl Subject {
                 format!("the lens resolves nothing beyond {cutoff:.1} cycles/mm"),
                 "the cutoff is 1 / (wavelength x working f-number)",
             ));
+        }
+        if request.merit == Merit::Rms
+            && request.compensate == Compensate::Focus
+            && let Some(said) = colours_out_of_best_focus(&lens)
+        {
+            context.warning(WarningKind::OutOfFocus, format!("{name}: {said}"));
         }
         let merit = request.merit(&lens);
         Ok(Self { name, lens, tolerances, merit })

@@ -40,6 +40,10 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         outln!("{}", response.name);
         outln!("  image plane  {now:.6} mm from the last vertex, {:+.6} mm from where it was", now - before);
         outln!("  RMS spot     {}, before {}", spot(response.rms_spot_um), spot(response.rms_spot_before_um));
+        if let Some(now) = response.largest_colour_spot_um {
+            let before = spot(response.largest_colour_spot_before_um);
+            outln!("               of one wavelength {now:.2} um at most, before {before}");
+        }
         if let Some(to) = &response.to {
             for loss in &response.losses_of_writing {
                 noteln!("{}: {}", loss.effect.name(), shown(loss.in_file(to)));
