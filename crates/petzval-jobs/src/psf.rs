@@ -200,10 +200,11 @@ struct StatedField {
 }
 
 impl StatedField {
-    /// `None` if the file states none off the axis, or if no chief ray of it reaches the image.
+    /// `None` if the file states none off the axis, or if no chief ray of it reaches the image. Also where all fields lie on one side of the axis
+    /// of the lens: their angles to it say nothing of the part that PSFs cover.
     fn of(lens: &Lens) -> Option<Self> {
         let field_deg = lens.outermost_field_deg();
-        if field_deg == 0.0 {
+        if field_deg == 0.0 || lens.reference_field_deg() != 0.0 {
             return None;
         }
         let chief = chief_ray(&lens.at_wavelength(lens.reference_um), field_deg.to_radians())?;
@@ -286,7 +287,7 @@ fn computed(request: &Request, lens: &Lens, plan: &PsfPlan, context: &Context) -
         pupil_cells: Some(plan.quadrature.cells),
         pupil_error: Some(error),
         method: psfs.iter().map(|p| p.method.clone()).collect(),
-        ..Axes::new(request.pitch_um, plan.landing_radii_mm(&psfs))
+        ..Axes::new(request.pitch_um, plan.landing_radii_mm(lens, &psfs))
             .symmetric(lens.is_rotationally_symmetric())
     };
     Ok(Bank { psfs, plan, axes })

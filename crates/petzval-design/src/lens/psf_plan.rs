@@ -353,7 +353,10 @@ impl PsfPlan {
     /// Distances of the images of fields from the axis, mm: the radii of the plan, where the chief rays land at them.
     ///
     /// In a lens without symmetry about the plane of its fields, chief rays land beside that plane, and further from the axis.
-    pub fn landing_radii_mm(&self, psfs: &[FieldPsf]) -> Vec<f64> {
+    pub fn landing_radii_mm(&self, lens: &Lens, psfs: &[FieldPsf]) -> Vec<f64> {
+        if lens.is_rotationally_symmetric() {
+            return self.field_radius_mm.clone();
+        }
         let landed = |(psf, radius_mm): (&FieldPsf, &f64)| {
             let distance_mm = psf.chief_x_mm.hypot(psf.chief_y_mm);
             if (distance_mm - radius_mm).abs() < LANDS_MM { *radius_mm } else { distance_mm }

@@ -332,6 +332,25 @@ fn a_lens_is_analysed_at_its_own_fields_where_its_axis_is_dark() {
 }
 
 #[test]
+fn psfs_of_a_spectrometer_begin_with_the_field_that_lands_on_the_axis() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("spectrometer.toml"), SPECTROMETER).unwrap();
+    let words =
+        ["psf", "spectrometer.toml", "--out", "psf", "--fields", "2", "--corner-mm", "1", "--grid", "64"];
+    let more = ["--wavelengths", "0.50001,0.5,0.49999", "--json"];
+    let run = run_ok(folder.path(), &[&words[..], &more].concat());
+    assert!(!run.says("of the lens file"), "{}", run.stderr);
+    let axes = run.json();
+    let number = |key: &str, i: usize| axes[key][i].as_f64().unwrap();
+    assert!((number("field_deg", 0) + 40.0).abs() < 1e-6 && number("field_deg", 1) > -40.0, "{axes}");
+    assert_eq!(axes["field_radius_mm"], serde_json::json!([0.0, 1.0]));
+    assert!(number("chief_ray_y_mm", 0).abs() < 1e-6 && (number("chief_ray_y_mm", 1) - 1.0).abs() < 1e-6);
+    // Near -40 degrees the height grows by 100 mm cos^3 a per tangent.
+    let scale_mm = axes["image_scale_mm"].as_f64().unwrap();
+    assert!((scale_mm / (100.0 * 40_f64.to_radians().cos().powi(3)) - 1.0).abs() < 1e-4, "{scale_mm}");
+}
+
+#[test]
 fn a_best_focus_at_which_no_wavelength_is_in_focus_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let lines = SPECTROMETER.replace("um = [0.5]", "um = [0.49, 0.5, 0.51]");

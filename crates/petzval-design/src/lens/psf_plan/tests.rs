@@ -215,11 +215,13 @@ fn behind_a_grating_the_fields_of_the_file_lead_to_the_one_on_the_axis() {
 fn radii_in_files_are_the_distances_of_the_images_from_the_axis() {
     let plan = three_fields();
     for decenter_mm in [[0.0; 2], [0.0, 0.4]] {
-        let psfs = plan.psfs(&decentred(decenter_mm)).unwrap();
-        assert_eq!(plan.landing_radii_mm(&psfs), plan.field_radius_mm);
+        let lens = decentred(decenter_mm);
+        let psfs = plan.psfs(&lens).unwrap();
+        assert_eq!(plan.landing_radii_mm(&lens, &psfs), plan.field_radius_mm);
     }
-    let psfs = plan.psfs(&decentred([0.4, 0.0])).unwrap();
-    for (radius_mm, psf) in plan.landing_radii_mm(&psfs).into_iter().zip(&psfs) {
+    let lens = decentred([0.4, 0.0]);
+    let psfs = plan.psfs(&lens).unwrap();
+    for (radius_mm, psf) in plan.landing_radii_mm(&lens, &psfs).into_iter().zip(&psfs) {
         assert!(psf.chief_x_mm.abs() > 0.01, "{}", psf.chief_x_mm);
         assert_eq!(radius_mm, psf.chief_x_mm.hypot(psf.chief_y_mm));
     }
