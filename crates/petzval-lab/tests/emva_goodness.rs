@@ -172,6 +172,10 @@ fn an_offset_and_a_lamp_that_drift_widen_the_errors() {
         // 5 e-/s of dark current are 0.15 DN at the longest exposure, below the drift.
         within(&format!("{what}: slope of the dark mean"), gain.dark.mean.slope, 1.9, 4.0);
         assert_eq!(verdict(&found, "dark mean over time"), Verdict::Widened, "{what}");
+        // So are the dark currents of the pixels, from the two ends of the series.
+        let pixels = gain.pixel_dark_currents.as_ref().unwrap();
+        within(&format!("{what}: pixels that are not hot"), pixels.ordinary_dn_per_s, 1.9, 4.0);
+        within(&format!("{what}: median of the pixels"), pixels.median_dn_per_s, 1.9, 4.0);
         let transfer = &gain.channels[0].transfer;
         assert_eq!(transfer.responsivity_test.unwrap().verdict, Verdict::Widened, "{what}");
         within(&format!("{what}: R"), transfer.responsivity_dn, 0.19, 4.0);

@@ -9,7 +9,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::fit::{Line, TestedLine, tested_line};
-use super::goodness::{FitTest, Verdict};
+use super::goodness::{Departure, FitTest, Verdict};
 use super::measured::Unresolved;
 use super::point::{LeftOut, Moments};
 use super::rounding::RoundingError;
@@ -47,6 +47,11 @@ impl DarkPoint {
         }
     }
 
+    /// The same with the mean of the bulk of the pixels: hot pixels that fill bend no line through such points.
+    pub(super) fn of_bulk(exposure_s: f64, dark: &Moments, mean_difference: bool) -> Self {
+        Self { mean_dn: dark.bulk_mean_dn(), ..Self::new(exposure_s, dark, mean_difference) }
+    }
+
     /// The point without the pixels that answer neither light nor exposure time.
     pub(super) fn without(self, left_out: LeftOut) -> Self {
         Self {
@@ -73,6 +78,19 @@ pub struct DarkSeries {
     /// The line of the mean with errors of noise alone: what a departure of the points is judged by.
     #[serde(skip)]
     pub mean_by_noise: Line,
+    /// What the departure of the means from their line adds to the errors of intercept and slope.
+    #[serde(skip)]
+    pub mean_departure: Departure,
+}
+
+impl DarkSeries {
+    /// Standard error that the departure of the means from their line adds to a slope between two points alone, `span_s` apart, DN/s: the
+    /// scatter beyond noise at both ends, and the bend.
+    pub(super) fn departure_of_ends(&self, span_s: f64) -> f64 {
+        let squares: f64 = self.points.iter().map(|p| p.mean_se_dn.powi(2)).sum();
+        let of_noise_dn = (squares / self.points.len().max(1) as f64).sqrt();
+        self.mean_departure.error(1, 2.0_f64.sqrt() * of_noise_dn / span_s)
+    }
 }
 
 /// Least number of exposure times for a slope.
@@ -93,7 +111,7 @@ pub fn dark_series(mut points: Vec<DarkPoint>) -> DarkSeries {
         let line = Line::none(Unresolved::TooFewExposures { got: times.len(), need: EXPOSURES });
         for fit in [&mut mean, &mut variance] {
             let test = FitTest { verdict: Verdict::Untested, model_error: 0.0, ..fit.test };
-            *fit = TestedLine { line, by_noise: line, test };
+            *fit = TestedLine { line, by_noise: line, test, ..*fit };
         }
     }
     // Rounding shifts all points alike if their means have the same fraction of a digital number; otherwise it bends
@@ -117,5 +135,31 @@ pub fn dark_series(mut points: Vec<DarkPoint>) -> DarkSeries {
         mean_test: mean.test,
         variance_test: variance.test,
         mean_by_noise: mean.by_noise,
+        mean_departure: mean.departure,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_off_their_line_count_at_both_ends() {
+        let of = |off_dn: [f64; 6]| {
+            let point = |(i, off): (usize, f64)| DarkPoint {
+                exposure_s: i as f64,
+                mean_dn: 64.0 + 2.0 * i as f64 + off,
+                mean_se_dn: 0.01,
+                variance_dn2: 4.0,
+                variance_se_dn2: 0.01,
+            };
+            dark_series(off_dn.into_iter().enumerate().map(point).collect())
+        };
+        assert_eq!(of([0.0; 6]).departure_of_ends(5.0), 0.0);
+        // Offsets of half a digital number make an error of 0.5 sqrt(2) / 5 s, and a fifth more for few points.
+        let drifts = of([0.5, -0.5, -0.5, 0.5, -0.5, 0.5]);
+        assert_eq!(drifts.mean_test.verdict, Verdict::Widened);
+        let error = drifts.departure_of_ends(5.0);
+        assert!((0.12..0.25).contains(&error), "{error}");
     }
 }

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::goodness::{FitTest, Model, Points, test};
+use super::goodness::{Departure, FitTest, Model, Points, test};
 use super::measured::{Measured, Unresolved};
 
 /// A line `y = slope x + intercept`.
@@ -57,6 +57,8 @@ pub struct TestedLine {
     pub by_noise: Line,
     /// The test.
     pub test: FitTest,
+    /// What the departure of the points adds to the errors of the coefficients: intercept, slope.
+    pub departure: Departure,
 }
 
 /// Fits a [`line()`] and tests whether the points lie on it.
@@ -68,7 +70,7 @@ pub fn tested_line(x: &[f64], y: &[f64], w: &[f64], y_se: &[f64]) -> TestedLine 
         |m: Measured, coefficient: usize| m.with_error(departure.error(coefficient, m.error_or_zero()));
     test.model_error = departure.error(1, by_noise.slope.error_or_zero());
     let line = Line { slope: widened(by_noise.slope, 1), intercept: widened(by_noise.intercept, 0) };
-    TestedLine { line, by_noise, test }
+    TestedLine { line, by_noise, test, departure }
 }
 
 /// A mean, and the test whether its values agree.

@@ -66,7 +66,10 @@ pub fn evaluate_gain(
 
     // Find the hot pixels. Evaluate each colour: photon transfer, non-uniformity, figures.
     let max_dn = f64::from((1u32 << captures.sensor.bits) - 1);
-    let pixel_dark_currents = of_dark_ends(dark_ends, max_dn);
+    let bulk_point =
+        |p: &&FlaggedPoint<'_>| DarkPoint::of_bulk(p.point.exposure_s, &p.found.all, mean_difference);
+    let bulk = dark_series(darks.iter().map(bulk_point).collect());
+    let pixel_dark_currents = of_dark_ends(dark_ends, max_dn, &bulk);
     let of_pixels = pixel_dark_currents.as_ref();
     let hot = of_pixels.map_or(&[][..], |of| &of.outlier_pixels);
     let bright = of_pixels.map_or(&[][..], |of| &of.bright_pixels);

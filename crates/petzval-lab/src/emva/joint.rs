@@ -67,6 +67,14 @@ impl GainRow {
         let all = self.gain_dn_per_e.standard_error()?;
         Some((all * all - self.gain_model_error_dn_per_e.powi(2)).max(0.0).sqrt())
     }
+
+    /// K_g with that error: what all gains share is added to their mean.
+    fn gain_by_noise(&self) -> Measured {
+        match (self.gain_dn_per_e.value(), self.gain_noise_error()) {
+            (Some(value), Some(noise)) => Measured::new(value, noise),
+            _ => self.gain_dn_per_e,
+        }
+    }
 }
 
 /// Whether the gains agree with the model of all of them.
@@ -169,7 +177,7 @@ pub fn joint_fit(inputs: &[GainInput<'_>], black_level_dn: Option<f64>) -> Joint
     let difference = weighted_mean(rows.iter().map(|r| r.dark_current_difference_e_per_s));
     let dark_current_difference_e_per_s = difference.with_error(common * from_mean.value().unwrap_or(0.0));
 
-    let pixels = pixel_dark_currents_e(inputs, &rows);
+    let pixels = pixel_dark_currents_e(inputs, &rows, common);
 
     let far_variance = |off: &[(f64, f64)]| off.iter().any(|(off, y)| off.abs() > FAR_OFF_SHARE * y.abs());
     let far_mean = |off: &[(f64, f64)]| {
@@ -240,25 +248,28 @@ struct PixelDarkCurrentsE {
 }
 
 /// Converts the dark currents of the pixels to electrons. Noise differs from gain to gain, so median and mean of the ordinary
-/// pixels are weighted means. All gains see the same hot pixels: use the most precise gain, do not average.
-fn pixel_dark_currents_e(inputs: &[GainInput<'_>], rows: &[GainRow]) -> PixelDarkCurrentsE {
-    let known: Vec<(&PixelDarkCurrents, Measured)> =
-        inputs.iter().zip(rows).filter_map(|(i, r)| Some((i.pixels.ok()?, r.gain_dn_per_e))).collect();
+/// pixels are weighted means; `common` is the share of K that is off at all gains alike. All gains see the same hot pixels: use the most precise gain,
+/// do not average.
+fn pixel_dark_currents_e(inputs: &[GainInput<'_>], rows: &[GainRow], common: f64) -> PixelDarkCurrentsE {
+    let known: Vec<(&PixelDarkCurrents, &GainRow)> =
+        inputs.iter().zip(rows).filter_map(|(i, r)| Some((i.pixels.ok()?, r))).collect();
     let Some(first) = known.first() else {
         let why = inputs.iter().find_map(|i| i.pixels.err()).unwrap_or(Unresolved::NoStack);
         let none = Measured::none(why);
         return PixelDarkCurrentsE { median: none, ordinary: none, hot_share: none, hot_excess: none };
     };
     let error = |p: &PixelDarkCurrents| p.hot_relative_error().unwrap_or(f64::INFINITY);
-    let (hot, k) =
+    let (hot, row) =
         known.iter().fold(first, |best, one| if error(one.0) < error(best.0) { one } else { best });
-    let mean =
-        |f: fn(&PixelDarkCurrents) -> Measured| weighted_mean(known.iter().map(|(p, k)| f(p).over(*k)));
+    let mean = |f: fn(&PixelDarkCurrents) -> Measured| {
+        let of_gains = weighted_mean(known.iter().map(|(p, row)| f(p).over(row.gain_by_noise())));
+        with_share(of_gains, common)
+    };
     PixelDarkCurrentsE {
         median: mean(|p| p.median_dn_per_s),
         ordinary: mean(|p| p.ordinary_dn_per_s),
         hot_share: hot.hot_share,
-        hot_excess: hot.hot_excess_dn_per_s.over(*k),
+        hot_excess: hot.hot_excess_dn_per_s.over(row.gain_dn_per_e),
     }
 }
 

@@ -160,6 +160,17 @@ impl Moments {
         high >= dn || median + BULK_SIGMAS * (high - median).max(RESOLVED_DN) >= dn
     }
 
+    /// Mean of the samples within six standard deviations of their median, DN: hot and stuck pixels do not count.
+    pub(super) fn bulk_mean_dn(&self) -> f64 {
+        let [low, median, _] = self.bulk_dn();
+        let reach = TRIM_SIGMAS * (median - low).max(1.0);
+        let first = f64::from(self.histogram.first_dn);
+        let samples = self.histogram.counts.iter().enumerate().map(|(i, c)| (first + i as f64, *c as f64));
+        let within = samples.filter(|(dn, _)| (dn - median).abs() <= reach);
+        let (count, sum) = within.fold((0.0, 0.0), |(n, sum), (dn, c)| (n + c, sum + c * dn));
+        sum / count
+    }
+
     /// The digital numbers one standard deviation of a normal distribution below its median, at it, and one above. A dead column or
     /// stuck pixels, which widen the variance without end, hardly move them.
     fn bulk_dn(&self) -> [f64; 3] {
@@ -169,6 +180,9 @@ impl Moments {
 
 /// Standard deviations from the median within which samples belong to the distribution.
 const BULK_SIGMAS: f64 = 8.0;
+
+/// Standard deviations from the median within which samples count in the mean of the bulk.
+const TRIM_SIGMAS: f64 = 6.0;
 
 /// Least standard deviation that whole digital numbers resolve, DN: that of their rounding.
 const RESOLVED_DN: f64 = 0.29;
