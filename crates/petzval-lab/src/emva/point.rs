@@ -223,8 +223,8 @@ pub struct PointStatistics {
     pub block_deviations_dn: Vec<Vec<f64>>,
     /// Pixels of each block.
     pub block_pixels: Vec<usize>,
-    /// By frame, a fingerprint of its digital numbers; `None` of a frame that is constant but for clipped samples. Frames
-    /// of one fingerprint are copies.
+    /// By frame, a fingerprint of its digital numbers; `None` of a frame without noise, as one that is saturated. Frames of one
+    /// fingerprint are copies.
     pub fingerprints: Vec<Option<u64>>,
     /// The summed frames, of stacks and of points with `keep_sum` (see [`reduce`]).
     pub stack: Option<Stack>,
@@ -348,7 +348,7 @@ pub fn reduce(
     // Read frame by frame: sums per pixel, per colour, per block, and the histogram of each colour.
     for (k, file) in point.frames.iter().enumerate() {
         let frame = load(captures, point, file, size)?;
-        fingerprints.push(fingerprint(&frame.dn, bits));
+        fingerprints.push(fingerprint(&frame.dn, width, tile));
         for row in 0..height {
             let span = row * width..(row + 1) * width;
             let kinds = &class_of[row % cfa.rows()];
@@ -480,20 +480,45 @@ pub fn reduce(
 /// Number of pixels of a frame that are not equal by chance.
 const LEAST_FINGERPRINT: usize = 64;
 
-/// A hash of the digital numbers. Constant frames have none, because equal ones need not be copies: a frame counts as not
-/// constant if two unclipped numbers differ.
-fn fingerprint(dn: &[u16], bits: u32) -> Option<u64> {
+/// Share of the pixels above which those that differ from their neighbours show noise: stuck pixels are fewer.
+const NOISY_SHARE: f64 = 0.01;
+
+/// Share of the rows, and of the columns, above which they do: rows of metadata, dead lines and the corners of both are fewer.
+const NOISY_LINES: f64 = 0.1;
+
+/// A hash of the digital numbers of a frame in which noise is to be expected. Other frames have none, because separate exposures of them are equal:
+/// saturated pixels have no noise, and stuck pixels, dead lines and metadata are the same in every frame.
+///
+/// Noise makes a pixel differ both from the next one to the left and from the next one above of the same place in the `tile` of the colour filter
+/// array.
+fn fingerprint(dn: &[u16], width: usize, tile: [usize; 2]) -> Option<u64> {
     // A few pixels may be equal by chance.
     if dn.len() < LEAST_FINGERPRINT {
         return None;
     }
-    let max = ((1u32 << bits) - 1) as u16;
-    let mut inside = dn.iter().filter(|v| (1..max).contains(*v));
-    let first = inside.next()?;
-    inside.find(|v| *v != first)?;
-    let mut hasher = DefaultHasher::new();
-    dn.hash(&mut hasher);
-    Some(hasher.finish())
+    let ([down, right], height) = (tile, dn.len() / width);
+    let (mut pixels, mut rows, mut is_noisy) = (0, 0, vec![false; width]);
+    for row in down..height {
+        let (own, above) = (&dn[row * width..][..width], &dn[(row - down) * width..][..width]);
+        let before = pixels;
+        for col in right..width {
+            if own[col] != own[col - right] && own[col] != above[col] {
+                pixels += 1;
+                is_noisy[col] = true;
+            }
+        }
+        rows += usize::from(pixels > before);
+    }
+    let columns = is_noisy.iter().filter(|is_noisy| **is_noisy).count();
+    let is_above = |count: usize, of: usize, share: f64| count as f64 > share * of as f64;
+    let has_noise = is_above(pixels, dn.len(), NOISY_SHARE)
+        && is_above(rows, height, NOISY_LINES)
+        && is_above(columns, width, NOISY_LINES);
+    has_noise.then(|| {
+        let mut hasher = DefaultHasher::new();
+        dn.hash(&mut hasher);
+        hasher.finish()
+    })
 }
 
 /// Index of each colour of the tile, rows of columns.
@@ -570,4 +595,59 @@ fn no_contradiction(
     };
     let ((key, frame, list), path) = (found, file.path.clone());
     Err(CaptureError::Contradiction { path, key, frame, list, place })
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+
+    use super::*;
+
+    const WIDTH: usize = 60;
+    const HEIGHT: usize = 50;
+
+    fn frame(of: impl FnMut(usize) -> u16) -> Vec<u16> {
+        (0..WIDTH * HEIGHT).map(of).collect()
+    }
+
+    #[test]
+    fn frames_without_noise_have_no_fingerprint() {
+        let none = |dn: &[u16], tile| assert_eq!(fingerprint(dn, WIDTH, tile), None);
+        // A saturated sensor with a stuck pixel, a dead column and a dead row, and two rows of metadata.
+        none(&frame(|i| if i == 777 { 64 } else { 4031 }), [1, 1]);
+        let dead = |i: usize| i % WIDTH == 20 || i / WIDTH == 30;
+        none(
+            &frame(|i| {
+                if i == 777 {
+                    2000
+                } else if dead(i) {
+                    64
+                } else {
+                    4031
+                }
+            }),
+            [1, 1],
+        );
+        none(&frame(|i| if i < 2 * WIDTH { (i * 37 % 251) as u16 } else { 4031 }), [1, 1]);
+        // Colours that end at numbers of their own.
+        let ends = [3900, 4031, 4031, 3950];
+        none(&frame(|i| ends[i / WIDTH % 2 * 2 + i % 2]), [2, 2]);
+    }
+
+    #[test]
+    fn copies_of_noise_have_one_fingerprint_even_where_half_is_saturated() {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(4);
+        let mut noisy = || 1000 + (4.0 * rng.random::<f64>()) as u16;
+        let whole = frame(|_| noisy());
+        let half = frame(|i| if i % WIDTH < WIDTH / 2 { 4095 } else { noisy() });
+        // Dark frames of a tenth of a digital number: two numbers, one of them rare.
+        let dark = frame(|_| if noisy() == 1000 && noisy() == 1000 { 65 } else { 64 });
+        for dn in [&whole, &half, &dark] {
+            let print = fingerprint(dn, WIDTH, [1, 1]);
+            assert!(print.is_some() && print == fingerprint(&dn.clone(), WIDTH, [1, 1]));
+            let mut other = dn.clone();
+            other[WIDTH * HEIGHT - 1] += 1;
+            assert_ne!(print, fingerprint(&other, WIDTH, [1, 1]));
+        }
+    }
 }

@@ -60,11 +60,22 @@ fn repeated_and_copied_frames_are_errors() {
         std::fs::write(frame(to), kept).unwrap();
     }
 
-    // Frames that are clipped all over are alike and no copies.
-    for i in 0..2 {
-        edit(folder.path(), &format!("flat-10ms-{i}.png"), &|_, _, _| 4095);
+    // A copy of a frame that is saturated in part is one.
+    let kept = std::fs::read(frame("flat-10ms-1.png")).unwrap();
+    edit(folder.path(), "flat-10ms-0.png", &|x, _, dn| if x < 60 { 4031 } else { dn });
+    std::fs::copy(frame("flat-10ms-0.png"), frame("flat-10ms-1.png")).unwrap();
+    let error = measured(folder.path()).unwrap_err().to_string();
+    assert!(error.contains("gain-1/flat-10ms-1.png is a copy of gain-1/flat-10ms-0.png"), "{error}");
+    std::fs::write(frame("flat-10ms-1.png"), kept).unwrap();
+
+    // Frames that are saturated all over are alike and no copies, wherever they end and whatever is dead or stuck.
+    for full_dn in [4095, 4031] {
+        for i in 0..2 {
+            let of = |x: u32, y: u32| if x == 40 || (x, y) == (3, 4) { 64 } else { full_dn };
+            edit(folder.path(), &format!("flat-10ms-{i}.png"), &|x, y, _| of(x, y));
+        }
+        assert_eq!(messages(&measured(folder.path()).unwrap(), "saturated").len(), 1, "{full_dn}");
     }
-    assert_eq!(messages(&measured(folder.path()).unwrap(), "saturated").len(), 1);
 }
 
 #[test]
