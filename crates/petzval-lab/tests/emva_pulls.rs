@@ -222,8 +222,6 @@ fn series(bench: &Bench) -> Series {
             }
             figure("sigma_d", (read2 + el2 / (k * k)).sqrt());
             figure("sigma_y_dark", sigma_y);
-            figure("LE_min", 0.0);
-            figure("LE_max", 0.0);
             figure("u_I_mean", b.dark_current_e_per_s);
             figure("u_I_var", b.dark_current_e_per_s);
             let full = b.full_well_e.min((f64::from((1u32 << b.bits) - 1) - b.black_dn[0]) / k);
@@ -237,6 +235,11 @@ fn series(bench: &Bench) -> Series {
                 }
                 figure("SNR_max", full.sqrt());
                 figure("DR", full / u_e_min);
+            }
+            if let Some(linearity) = &channel.transfer.linearity {
+                let [least, largest] = linearity.response_percent;
+                add("least deviation of the response", least, 0.0);
+                add("largest deviation of the response", largest, 0.0);
             }
             let Some(spatial) = &channel.spatial else { continue };
             let half = spatial.exposure_s * 1e6;
@@ -423,9 +426,14 @@ fn errors_of_linearity_are_those_of_the_response() {
             .map(|seed| {
                 let found = Bench { seed, ..bench.clone() }.measured();
                 let channel = &found.gains[0].channels[0];
-                [("LE_min", ends[0]), ("LE_max", ends[1])].map(|(name, truth)| {
-                    let figure = channel.figure(name).unwrap().best();
-                    (figure.value().unwrap() - truth) / figure.standard_error().unwrap()
+                let linearity = channel.transfer.linearity.as_ref().unwrap();
+                // The figures are the extremes of the points: never crossed, and resolved where the response bends by more than noise.
+                let [least, largest] = ["LE_min", "LE_max"].map(|name| channel.figure(name).unwrap().best());
+                assert!(least.value().is_none_or(|v| v == linearity.min_percent), "{least:?}");
+                assert!(largest.value().is_none_or(|v| v == linearity.max_percent), "{largest:?}");
+                [0, 1].map(|k| {
+                    let response = linearity.response_percent[k];
+                    (response.value().unwrap() - ends[k]) / response.standard_error().unwrap()
                 })
             })
             .collect();
@@ -440,4 +448,27 @@ fn errors_of_linearity_are_those_of_the_response() {
             );
         }
     }
+}
+
+#[test]
+fn figures_of_linearity_are_the_extremes_of_the_points_where_they_are_resolved() {
+    let bench = |compression| Bench {
+        size: [48, 72],
+        flat_e: shares(0.05, 0.6, 10),
+        compression,
+        ..Bench::default()
+    };
+    let figures = |found: &petzval_lab::emva::Characterization| {
+        ["LE_min", "LE_max"].map(|name| found.gains[0].channels[0].figure(name).unwrap().best())
+    };
+    let bent = bench(0.03).measured();
+    let [least, largest] = figures(&bent).map(|figure| figure.value().unwrap());
+    let linearity = bent.gains[0].channels[0].transfer.linearity.as_ref().unwrap();
+    assert_eq!([least, largest], [linearity.min_percent, linearity.max_percent]);
+    assert!(least < 0.0 && largest > 0.0, "{least} {largest}");
+    // A straight response: noise alone has extremes.
+    let resolved = (1..=8).map(|seed| Bench { seed, ..bench(0.0) }.measured());
+    let resolved: usize =
+        resolved.map(|found| figures(&found).iter().filter(|figure| figure.value().is_some()).count()).sum();
+    assert!(resolved <= 3, "{resolved} of 16");
 }

@@ -7,12 +7,15 @@
 //! response `r`, the mean of `max(r + noise) - max(r)` is what noise adds, and the scatter of `max(r + noise)` is the standard error. `r` is zero
 //! where the points lie on the line within their noise, and otherwise `f d`: `f = 1 - 1 / reduced chi^2` is the share of the deviations that is
 //! not noise (James and Stein 1961).
+//!
+//! The extremes of the points themselves are what EMVA 1288 states. The root mean square of `max(r + noise) - max(r)` is their standard error: it
+//! contains what noise adds.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::goodness::{FitTest, Points};
-use super::measured::Measured;
+use super::measured::{Measured, Unresolved};
 
 /// The noise of the deviations of a series.
 pub(super) struct DeviationNoise {
@@ -22,6 +25,21 @@ pub(super) struct DeviationNoise {
     weights: Vec<Vec<f64>>,
     /// First and last point of the line.
     range: (usize, usize),
+}
+
+/// Least and largest deviation, percent.
+pub(super) struct Extremes {
+    /// Of the points; the errors contain what noise adds to extremes.
+    pub of_points: [Measured; 2],
+    /// Of the response. Unbiased, so that those of a straight response lie on either side of zero.
+    pub of_response: [Measured; 2],
+}
+
+impl Extremes {
+    /// No extremes.
+    pub(super) fn none(why: Unresolved) -> Self {
+        Self { of_points: [Measured::none(why); 2], of_response: [Measured::none(why); 2] }
+    }
 }
 
 /// Draws of the noise. Their own scatter adds a thousandth to the standard error.
@@ -58,9 +76,8 @@ impl DeviationNoise {
         self.weights.iter().map(|weights| self.points.error_of(weights)).collect()
     }
 
-    /// Least and largest deviation of the response, percent, from those of the points of the range and the test of their line. Unbiased, so that
-    /// those of a straight response lie on either side of zero.
-    pub(super) fn extremes_of_response(&self, found_percent: &[f64], test: &FitTest) -> [Measured; 2] {
+    /// Least and largest deviation, percent, from those of the points of the range and the test of their line.
+    pub(super) fn extremes(&self, found_percent: &[f64], test: &FitTest) -> Extremes {
         let departs = test.p_value.min(test.curvature_p_value.unwrap_or(1.0)) < DEPARTS;
         let share = if departs { (1.0 - 1.0 / test.reduced_chi2).max(0.0) } else { 0.0 };
         let response: Vec<f64> = found_percent.iter().map(|d| share * d).collect();
@@ -86,10 +103,12 @@ impl DeviationNoise {
             }
         }
         let draws = DRAWS as f64;
-        [0, 1].map(|k| {
+        let of_response = [0, 1].map(|k| {
             let added = sum[k] / draws;
             let error = (squares[k] / draws - added * added).max(0.0).sqrt();
             Measured::new(found[k] - added, error)
-        })
+        });
+        let of_points = [0, 1].map(|k| Measured::new(found[k], (squares[k] / draws).sqrt()));
+        Extremes { of_points, of_response }
     }
 }

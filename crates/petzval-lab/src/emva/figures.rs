@@ -205,7 +205,7 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Value> {
     let too_few = Measured::none(transfer.no_linearity.unwrap_or(Unresolved::NotFinite));
     let [le_min, le_max] = match linearity {
         None => [too_few; 2],
-        Some(l) if ours => l.response_percent,
+        Some(l) if ours => l.extremes_percent.map(Measured::if_beyond_noise),
         Some(l) => [l.min_percent, l.max_percent].map(Measured::exact),
     };
     let index = |i: usize| Measured::exact(i as f64);

@@ -301,6 +301,16 @@ impl Measured {
         }
     }
 
+    /// Not resolved if the number is within two standard errors of zero; for numbers of either sign.
+    pub fn if_beyond_noise(self) -> Self {
+        match (self.value(), self.standard_error()) {
+            (Some(value), Some(standard_error)) if value.abs() <= RESOLVED_SIGMAS * standard_error => {
+                Self::none(Unresolved::WithinNoise { value, standard_error })
+            }
+            _ => self,
+        }
+    }
+
     /// Not resolved if the number is not more than two standard errors above zero.
     pub fn if_above_noise(self) -> Self {
         match (self.value(), self.standard_error()) {
@@ -350,5 +360,10 @@ mod tests {
         assert!(matches!(below(-0.19), Some(Unresolved::WithinNoise { .. })));
         assert!(matches!(below(-0.21), Some(Unresolved::BelowZero { .. })));
         assert!(Measured::new(f64::NAN, 0.1).value().is_none());
+        // Numbers of either sign.
+        assert_eq!(
+            [-0.21, -0.19, 0.19, 0.21].map(|v| Measured::new(v, 0.1).if_beyond_noise().value()),
+            [Some(-0.21), None, None, Some(0.21)]
+        );
     }
 }

@@ -15,7 +15,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::compressed::Compression;
-use super::deviation_noise::DeviationNoise;
+use super::deviation_noise::{DeviationNoise, Extremes};
 use super::fit::{Line, line};
 use super::goodness::{FitTest, Model, Points, Verdict, significant_bend, test};
 use super::measured::{Measured, Unresolved};
@@ -42,7 +42,10 @@ pub struct Linearity {
     pub max_percent: f64,
     /// Standard errors of the deviations, percent: noise of the point and of the line.
     pub deviation_se_percent: Vec<f64>,
-    /// Least and largest deviation of the response itself, percent, without what noise adds to the extremes of several points.
+    /// Those two with their standard errors, percent, which contain what noise adds to the extremes of several points.
+    pub extremes_percent: [Measured; 2],
+    /// Least and largest deviation of the response itself, percent, without what noise adds; of a straight response the least may be above the
+    /// largest.
     pub response_percent: [Measured; 2],
     /// Whether the deviations are noise. They are what this fit is made for, and are stated either way.
     pub test: FitTest,
@@ -348,9 +351,9 @@ fn linearity(points: &[TransferPoint], signal: &[f64], end_dn: f64) -> Result<Li
         test.verdict = Verdict::Stated;
     }
     let noise = DeviationNoise::of(response_points(x, points), (first, last), [offset_dn, slope]);
-    let response_percent = match range_of((first, last)) {
-        2 => [Measured::none(Unresolved::FewInLinearRange(2)); 2],
-        _ => noise.extremes_of_response(&deviation_percent[first..=last], &test),
+    let extremes = match range_of((first, last)) {
+        2 => Extremes::none(Unresolved::FewInLinearRange(2)),
+        _ => noise.extremes(&deviation_percent[first..=last], &test),
     };
     Ok(Linearity {
         test,
@@ -360,7 +363,8 @@ fn linearity(points: &[TransferPoint], signal: &[f64], end_dn: f64) -> Result<Li
         min_percent: deviation_percent[low],
         max_percent: deviation_percent[high],
         deviation_se_percent: noise.errors(),
-        response_percent,
+        extremes_percent: extremes.of_points,
+        response_percent: extremes.of_response,
         deviation_percent,
     })
 }
