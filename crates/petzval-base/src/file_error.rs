@@ -169,10 +169,12 @@ impl FileError {
             Some((unknown, known)) if message.starts_with("unknown variant") => {
                 let takes: Vec<String> = known.iter().map(|word| format!("\"{word}\"")).collect();
                 let message = format!("no such value; this key takes {}", takes.join(" or "));
-                let distance = |word: &&&str| strsim::damerau_levenshtein(unknown, word);
-                let nearest = known.iter().min_by_key(distance);
-                let hint = nearest.map(|nearest| format!("did you mean \"{nearest}\"?"));
-                Self { hint, ..Self::at(text, span.clone(), key(span.start), message) }
+                // A word that is like none of them is no misspelling.
+                let hint = match nearest(unknown, known) {
+                    Some(near) => format!("did you mean \"{near}\"?"),
+                    None => "write one of these values".to_owned(),
+                };
+                Self::at(text, span.clone(), key(span.start), message).hint(hint)
             }
             _ if message == "wanted string or table" => {
                 Self::at(text, span.clone(), key(span.start), "expected text in quotes")

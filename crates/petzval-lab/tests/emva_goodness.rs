@@ -6,7 +6,7 @@ use common::bench::Bench;
 use common::within;
 use petzval_lab::emva::goodness::ALPHA;
 use petzval_lab::emva::{
-    Characterization, Limit, Measured, Options, Values, Verdict, fits, result_xml, sensor_toml,
+    Characterization, Limit, Measured, Options, Unresolved, Values, Verdict, fits, result_xml, sensor_toml,
 };
 
 fn warned(found: &Characterization, fit: &str) -> Vec<String> {
@@ -181,4 +181,27 @@ fn an_offset_and_a_lamp_that_drift_widen_the_errors() {
         within(&format!("{what}: R"), transfer.responsivity_dn, 0.19, 4.0);
         within(&format!("{what}: K"), found.joint.gain_dn_per_e, 0.38, 3.5);
     }
+}
+
+#[test]
+fn a_dark_current_of_the_noise_that_is_none_has_the_reason_of_that_number() {
+    let mut within_noise = 0;
+    for seed in 1..=6 {
+        let found = Bench { dark_current_e_per_s: 0.0, size: [48, 72], seed, ..Bench::default() }.measured();
+        let figure = found.gains[0].channels[0].figure("u_I_var").unwrap().best();
+        let joint = found.joint.dark_current_variance_e_per_s;
+        match (figure.reason(), joint.reason()) {
+            (
+                Some(Unresolved::WithinNoise { value: one, .. }),
+                Some(Unresolved::WithinNoise { value: other, .. }),
+            ) => {
+                assert!((one - other).abs() < 1e-9 * one.abs(), "seed {seed}: {figure:?} {joint:?}");
+                within_noise += 1;
+            }
+            (why, _) => {
+                assert!(!matches!(why, Some(Unresolved::NegativeVariance(_))), "seed {seed}: {why:?}")
+            }
+        }
+    }
+    assert!(within_noise > 3, "{within_noise}");
 }

@@ -195,12 +195,13 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Value> {
     };
 
     // Dark current: from the mean, and from the shot noise that it makes.
+    // Each figure is judged in its own unit, so that its reason holds its own number. A variance that falls over time gives no current.
     let significant = |m: Measured| if ours { m.if_above_noise() } else { m };
-    let mean_slope = significant(dark.mean.slope);
-    let variance_slope = significant(match dark.variance.slope.value() {
-        Some(slope) if slope < 0.0 => Measured::none(Unresolved::NegativeVariance(slope)),
-        _ => dark.variance.slope,
-    });
+    let mean_slope = dark.mean.slope;
+    let current = |of_variance: Measured| match of_variance.value() {
+        Some(value) if value < 0.0 => of_variance.if_above_noise(),
+        _ => significant(of_variance),
+    };
     let linearity = transfer.linearity.as_ref();
     let too_few = Measured::none(transfer.no_linearity.unwrap_or(Unresolved::NotFinite));
     let [le_min, le_max] = match linearity {
@@ -219,7 +220,8 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Value> {
     let unlit = |f| raw(|s| &s.dark, f);
     let (inverse_snr, stack_dark) = (inverse(100.0, snr), unlit(|s| s.temporal));
     let (u_e_min_area, u_p_min_area) = (per_area(u_e_min), per_area(u_p_min));
-    let current_of_variance = variance_slope.over(k.squared());
+    let current_dn = current(dark.variance.slope.over(k));
+    let current_e = current(dark.variance.slope.over(k.squared()));
     vec![
         ("DR", "sensitivity", "", "dynamic range", dr),
         ("DR_dB", "sensitivity", "dB", "dynamic range", db(dr)),
@@ -266,10 +268,10 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Value> {
         ("sigma_2_y_stack_dark", "spatial", "DN2", "temporal variance of the stack, dark", stack_dark),
         ("sigma_d", "sensitivity", "e-", "temporal dark noise", sigma_d),
         ("sigma_y_dark", "sensitivity", "DN", "temporal dark noise", sigma_y_dark),
-        ("u_I_mean", "dark_current", "e-/s", "dark current from the mean", mean_slope.over(k)),
-        ("u_I_mean_DN", "dark_current", "DN/s", "dark current from the mean", mean_slope),
-        ("u_I_var", "dark_current", "e-/s", "dark current from the variance", current_of_variance),
-        ("u_I_var_DN", "dark_current", "DN/s", "dark current from the variance", variance_slope.over(k)),
+        ("u_I_mean", "dark_current", "e-/s", "dark current from the mean", significant(mean_slope.over(k))),
+        ("u_I_mean_DN", "dark_current", "DN/s", "dark current from the mean", significant(mean_slope)),
+        ("u_I_var", "dark_current", "e-/s", "dark current from the variance", current_e),
+        ("u_I_var_DN", "dark_current", "DN/s", "dark current from the variance", current_dn),
         ("u_e_min", "sensitivity", "e-", "absolute sensitivity threshold", u_e_min),
         ("u_e_min_area", "sensitivity", "e-/um2", "absolute sensitivity threshold per area", u_e_min_area),
         ("u_e_sat", "sensitivity", "e-", "saturation capacity", u_e_sat),

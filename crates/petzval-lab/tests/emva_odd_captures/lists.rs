@@ -294,6 +294,7 @@ fn pages_of_a_file_are_frames() {
 #[test]
 fn a_sidecar_that_contradicts_the_list_is_an_error() {
     let folder = series(&mono(), &one_gain());
+    set_list(folder.path(), &list(folder.path()).replace("bits = 12", "bits = 12\ntemperature_c = 25.0"));
     let sidecar = folder.path().join("gain-1/flat-5ms-1.png.toml");
     let says = |text: &str| {
         std::fs::write(&sidecar, text).unwrap();
@@ -305,11 +306,23 @@ fn a_sidecar_that_contradicts_the_list_is_an_error() {
         ("cfa = \"RGGB\"", "cfa = RGGB", "[sensor], says mono"),
         ("bits = 14", "bits = 14", "[sensor], says 12"),
         ("black_level_dn = 64.0", "black_level_dn = 64", "[sensor], says 119"),
+        ("temperature_c = 60.0", "temperature_c = 60", "[sensor], says 25"),
     ] {
         let error = says(text).unwrap_err();
         assert!(error.contains("flat-5ms-1.png: ") && error.contains("captures.toml, "), "{error}");
         assert!(error.contains(frame) && error.ends_with(list), "{error}");
     }
     // What a camera rounds is no contradiction.
-    says("linear_gain = 1.001\nexposure_s = 0.005004\nbits = 12\nblack_level_dn = 119.2").unwrap();
+    says(
+        "linear_gain = 1.001\nexposure_s = 0.005004\nbits = 12\nblack_level_dn = 119.2\ntemperature_c = 26.5",
+    )
+    .unwrap();
+
+    // Nor is a white level that the samples do not pass; one far below them is.
+    says("white_level_dn = 4095.0").unwrap();
+    let error = says("white_level_dn = 200.0").unwrap_err();
+    assert!(
+        error.contains("flat-5ms-1.png: ") && error.contains("white_level_dn = 200, and 100.0 % of"),
+        "{error}"
+    );
 }

@@ -78,7 +78,7 @@ struct Entry {
 
 /// Reads the text of `captures.toml` in `folder`.
 pub fn parse(text: &str, folder: &Path) -> Result<Captures, FileError> {
-    let file: File = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+    let file: File = toml::from_str(text).map_err(|e| names_dark(FileError::from_toml(text, &e)))?;
     let within = |key: &str, value: &Spanned<f64>, low: f64, high: f64, meaning: &str| {
         let v = *value.get_ref();
         if (low..=high).contains(&v) {
@@ -144,6 +144,15 @@ pub fn parse(text: &str, folder: &Path) -> Result<Captures, FileError> {
         Captures { folder: folder.to_owned(), list: folder.join(MANIFEST), sensor, size: None, points };
     check_black_levels(text, &file.point, &found)?;
     Ok(found)
+}
+
+/// What dark frames are called elsewhere.
+const OTHER_DARK: [&str; 3] = ["black", "bias", "offset"];
+
+/// The error about a kind that is another word for dark, with this as its hint.
+fn names_dark(error: FileError) -> FileError {
+    let is_dark = error.key == "kind" && OTHER_DARK.contains(&error.value.trim_matches('"'));
+    if is_dark { error.hint("frames without light are of the kind \"dark\"") } else { error }
 }
 
 /// Refuses two black levels of one gain, and gains without one beside others that have one.
@@ -274,6 +283,20 @@ frames = ["c.png", "d.png"]
             let error = parse(&TEXT.replace(from, to), Path::new("")).unwrap_err();
             assert_eq!((error.line, error.key.as_str()), (Some(line), key), "{error}");
             assert!(error.to_string().contains(says), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_wrong_kind_is_given_the_word_for_it() {
+        for (kind, hint) in [
+            ("black", "frames without light are of the kind \"dark\""),
+            ("bias", "frames without light are of the kind \"dark\""),
+            ("darks", "did you mean \"dark\"?"),
+            ("lamp", "write one of these values"),
+        ] {
+            let text = TEXT.replace("kind = \"dark\"", &format!("kind = \"{kind}\""));
+            let error = parse(&text, Path::new("")).unwrap_err();
+            assert_eq!((error.line, error.hint.as_deref()), (Some(11), Some(hint)), "{error}");
         }
     }
 
