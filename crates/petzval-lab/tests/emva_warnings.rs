@@ -16,8 +16,17 @@ fn examples() -> Vec<Warning> {
         model_share,
         cause,
     };
-    let found = Compression { low_step_dn: 1.0, high_step_dn: 31.07, gain_error_dn_per_e: 0.0271 };
-    let steps = |percent| Warning::Compressed { linear_gain, colour, found, percent };
+    let steps = |dark_step_dn, percent| Warning::Compressed {
+        linear_gain,
+        colour,
+        found: Compression {
+            low_step_dn: 1.0,
+            high_step_dn: 31.07,
+            dark_step_dn,
+            gain_error_dn_per_e: 0.0271,
+        },
+        percent,
+    };
     let shares = |[along_rows, along_columns, diagonal]: [f64; 3], between_frames| Warning::SharedNoise {
         linear_gain,
         colour,
@@ -108,8 +117,9 @@ fn examples() -> Vec<Warning> {
         shares([0.02, 0.0, 0.0], 0.02),
         shares([-0.1, 0.0, 0.0], 0.0),
         Warning::Clamped { point: point(), level_dn: 97, share: 0.01234 },
-        steps(Some(6.78)),
-        steps(None),
+        steps(1.0, Some(6.78)),
+        steps(1.0, None),
+        steps(4.041, Some(6.78)),
         Warning::RowFlicker { linear_gain, colour, points: 7, percent: 6.78 },
     ]
 }

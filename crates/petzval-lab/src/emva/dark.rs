@@ -12,7 +12,7 @@ use super::fit::{Line, TestedLine, tested_line};
 use super::goodness::{Departure, FitTest, Verdict};
 use super::measured::Unresolved;
 use super::point::{LeftOut, Moments};
-use super::rounding::RoundingError;
+use super::rounding::{RoundingError, coarse_rounding_dn2};
 
 /// Dark frames of one exposure time.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
@@ -27,13 +27,16 @@ pub struct DarkPoint {
     pub variance_dn2: f64,
     /// Its standard error, rounding included, DN^2.
     pub variance_se_dn2: f64,
+    /// Distance of the digital numbers in the dark, DN.
+    #[serde(skip)]
+    pub step_dn: f64,
 }
 
 impl DarkPoint {
-    /// Makes a point from the moments of dark frames; `mean_difference` as in [`super::transfer::TransferPoint::new`]. The noise of rows
-    /// and columns that whole frames have in common is no flicker, and counts.
-    pub fn new(exposure_s: f64, dark: &Moments, mean_difference: bool) -> Self {
-        let rounding = RoundingError::of(dark.variance_dn2);
+    /// Makes a point from the moments of dark frames; `mean_difference` as in [`super::transfer::TransferPoint::new`]. Their
+    /// numbers are `step_dn` apart. The noise of rows and columns that whole frames have in common is no flicker, and counts.
+    pub fn new(exposure_s: f64, dark: &Moments, mean_difference: bool, step_dn: f64) -> Self {
+        let rounding = RoundingError::of(dark.variance_dn2, step_dn);
         Self {
             exposure_s,
             mean_dn: dark.mean_dn,
@@ -44,12 +47,13 @@ impl DarkPoint {
                 dark.variance_uncorrected_dn2
             },
             variance_se_dn2: dark.variance_se_dn2.hypot(rounding.variance_dn2),
+            step_dn,
         }
     }
 
-    /// The same with the mean of the bulk of the pixels: hot pixels that fill bend no line through such points.
-    pub(super) fn of_bulk(exposure_s: f64, dark: &Moments, mean_difference: bool) -> Self {
-        Self { mean_dn: dark.bulk_mean_dn(), ..Self::new(exposure_s, dark, mean_difference) }
+    /// The point with the mean of the bulk of its pixels: hot pixels that fill bend no line through such points.
+    pub(super) fn of_bulk(self, dark: &Moments) -> Self {
+        Self { mean_dn: dark.bulk_mean_dn(), ..self }
     }
 
     /// The point without the pixels that answer neither light nor exposure time.
@@ -84,6 +88,11 @@ pub struct DarkSeries {
 }
 
 impl DarkSeries {
+    /// Distance of the digital numbers in the dark, DN.
+    pub(super) fn step_dn(&self) -> f64 {
+        step_dn(&self.points)
+    }
+
     /// Standard error that the departure of the means from their line adds to a slope between two points alone, `span_s` apart, DN/s: the
     /// scatter beyond noise at both ends, and the bend.
     pub(super) fn departure_of_ends(&self, span_s: f64) -> f64 {
@@ -91,6 +100,11 @@ impl DarkSeries {
         let of_noise_dn = (squares / self.points.len().max(1) as f64).sqrt();
         self.mean_departure.error(1, 2.0_f64.sqrt() * of_noise_dn / span_s)
     }
+}
+
+/// Distance of the digital numbers of points, DN.
+fn step_dn(points: &[DarkPoint]) -> f64 {
+    points.iter().map(|p| p.step_dn).fold(1.0, f64::max)
 }
 
 /// Least number of exposure times for a slope.
@@ -114,10 +128,11 @@ pub fn dark_series(mut points: Vec<DarkPoint>) -> DarkSeries {
             *fit = TestedLine { line, by_noise: line, test, ..*fit };
         }
     }
+    let step_dn = step_dn(&points);
     // Rounding shifts all points alike if their means have the same fraction of a digital number; otherwise it bends
     // the lines.
     if let Some(noise) = variance.line.intercept.value() {
-        let rounding = RoundingError::of(noise);
+        let rounding = RoundingError::of(noise, step_dn);
         let span_s = times[times.len() - 1] - times[0];
         let bent = 2.0_f64.sqrt() / span_s;
         let with = |line: Line, error: f64| Line {
@@ -127,6 +142,7 @@ pub fn dark_series(mut points: Vec<DarkPoint>) -> DarkSeries {
         mean.line = with(mean.line, rounding.mean_dn);
         mean.by_noise = with(mean.by_noise, rounding.mean_dn);
         variance.line = with(variance.line, rounding.variance_dn2);
+        variance.line.intercept = variance.line.intercept.with_error(coarse_rounding_dn2(step_dn));
     }
     DarkSeries {
         points,
@@ -152,6 +168,7 @@ mod tests {
                 mean_se_dn: 0.01,
                 variance_dn2: 4.0,
                 variance_se_dn2: 0.01,
+                step_dn: 1.0,
             };
             dark_series(off_dn.into_iter().enumerate().map(point).collect())
         };

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::dark::{DarkPoint, DarkSeries, dark_series};
 use super::measured::{Measured, Unresolved};
 use super::plane_moments::SharedScatter;
-use super::rounding::{LEAST_DARK_VARIANCE_DN2, QUANTISATION_DN2, RoundingError};
+use super::rounding::{LEAST_DARK_VARIANCE_DN2, QUANTISATION_DN2, coarse_rounding_dn2};
 use super::spatial::{Components, Spatial, StackVariances, Variances};
 use super::transfer::PhotonTransfer;
 use super::transfer_point::{Rules, TransferPoint};
@@ -122,6 +122,7 @@ fn dark_of(points: &[TransferPoint]) -> DarkSeries {
             mean_se_dn: p.dark_mean_se_dn,
             variance_dn2: p.dark_variance_dn2,
             variance_se_dn2: p.dark_variance_se_dn2,
+            step_dn: p.dark_step_dn,
         })
         .collect();
     dark_series(all)
@@ -141,11 +142,9 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Value> {
     let first = &points[0];
     let dark_variance = match dark.variance.intercept.value() {
         Some(_) => dark.variance.intercept,
-        None => {
-            let rounding = RoundingError::of(first.dark_variance_dn2);
-            Measured::new(first.dark_variance_dn2, first.dark_variance_se_dn2)
-                .with_error(rounding.variance_dn2)
-        }
+        None => Measured::new(first.dark_variance_dn2, first.dark_variance_se_dn2)
+            .with_error(first.dark_rounding().variance_dn2)
+            .with_error(coarse_rounding_dn2(first.dark_step_dn)),
     };
     // Dark variance below what a converter of whole numbers resolves is set to that limit, as the standard does. A limit has no
     // error.

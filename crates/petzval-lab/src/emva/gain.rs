@@ -1,7 +1,7 @@
 //! One linear gain: selects its points by their flags and evaluates them colour by colour.
 
 use super::captures::{Captures, Kind, Point};
-use super::compressed::{growing_steps, step_variance_dn2};
+use super::compressed::{growing_steps, level_step_dn, step_variance_dn2};
 use super::counts::Counts;
 use super::dark::{DarkPoint, dark_series};
 use super::figures::{Basis, figures};
@@ -40,13 +40,14 @@ pub fn evaluate_gain(
 
     // Fit mean and variance of the dark frames over exposure time, without pixels that answer neither light nor time.
     let mean_difference = options.mean_difference;
+    let step_dn = dark_step_dn(&darks);
     let dark_point = |p: &&FlaggedPoint<'_>| {
-        DarkPoint::new(p.point.exposure_s, &p.found.all, mean_difference).without(p.found.left_out)
+        DarkPoint::new(p.point.exposure_s, &p.found.all, mean_difference, step_dn).without(p.found.left_out)
     };
     let dark = dark_series(darks.iter().map(dark_point).collect());
     let shortest = darks.iter().min_by(|a, b| a.point.exposure_s.total_cmp(&b.point.exposure_s));
     let dark_defects = shortest.map(|p| p.found.left_out).unwrap_or_default();
-    let line_noise = mean_line_noise(&darks);
+    let line_noise = mean_line_noise(&darks, step_dn);
     let cfa = captures.sensor.cfa.to_string();
     let of_shortest = dark_ends[0].and_then(|end| end.found.stack.as_ref());
     let tile_levels_dn = of_shortest.and_then(|stack| tile_levels_dn(stack, &captures.sensor.cfa));
@@ -66,8 +67,7 @@ pub fn evaluate_gain(
 
     // Find the hot pixels. Evaluate each colour: photon transfer, non-uniformity, figures.
     let max_dn = f64::from((1u32 << captures.sensor.bits) - 1);
-    let bulk_point =
-        |p: &&FlaggedPoint<'_>| DarkPoint::of_bulk(p.point.exposure_s, &p.found.all, mean_difference);
+    let bulk_point = |p: &&FlaggedPoint<'_>| dark_point(p).of_bulk(&p.found.all);
     let bulk = dark_series(darks.iter().map(bulk_point).collect());
     let pixel_dark_currents = of_dark_ends(dark_ends, max_dn, &bulk);
     let of_pixels = pixel_dark_currents.as_ref();
@@ -80,7 +80,7 @@ pub fn evaluate_gain(
         .iter()
         .filter(is_usable_stack)
         .find_map(|flat| Some(Pair { point: flat.point, flat: &flat.found, dark: &dark_of(flat)?.found }));
-    let selected = Selected { pairs, darks, stacks, flat_stack };
+    let selected = Selected { pairs, darks, step_dn, stacks, flat_stack };
     let channels: Vec<ChannelResult> = captures
         .sensor
         .cfa
@@ -118,12 +118,18 @@ pub fn evaluate_gain(
     )
 }
 
+/// Distance of the digital numbers in the dark frames of a gain, DN.
+fn dark_step_dn(darks: &[&FlaggedPoint<'_>]) -> f64 {
+    let all = darks.iter().fold(Counts::default(), |all, p| all.merge(&p.found.all.histogram));
+    level_step_dn(&all)
+}
+
 /// Temporal noise of rows, columns and pixels over all dark frames of a gain. The errors of rows and columns contain that of rounding, which
 /// all points have in common.
-fn mean_line_noise(darks: &[&FlaggedPoint<'_>]) -> LineNoise {
+fn mean_line_noise(darks: &[&FlaggedPoint<'_>], step_dn: f64) -> LineNoise {
     let moments: Vec<&Moments> = darks.iter().map(|p| &p.found.all).collect();
     let found = dark_line_noise(&moments);
-    let steps = Steps::behind(found.pixel_dn2.value().unwrap_or(0.0));
+    let steps = Steps::behind(found.pixel_dn2.value().unwrap_or(0.0), step_dn);
     let with_rounding = |lines: Measured| match (lines.value(), lines.standard_error()) {
         (Some(found), Some(error)) => lines.with_error(steps.error_of_variance(found, error)),
         _ => lines,
@@ -216,6 +222,8 @@ struct Selected<'a> {
     pairs: Vec<Pair<'a>>,
     /// Usable dark points of any exposure time.
     darks: Vec<&'a FlaggedPoint<'a>>,
+    /// Distance of the digital numbers in them, DN.
+    step_dn: f64,
     /// The stacks of the non-uniformity.
     stacks: Option<Stacks<'a>>,
     /// A flat stack in which nothing moves, with the dark frames of its exposure time.
@@ -264,7 +272,8 @@ fn channel(
     let transfer_point = |pair: &Pair<'_>| {
         let (flat, dark) = (pair.flat.colour(colour)?, pair.dark.colour(colour)?);
         let (exposure_s, photons) = (pair.point.exposure_s, pair.point.photons);
-        Some(TransferPoint::new(exposure_s, photons, flat, dark, mean_difference, clip_dn))
+        let step_dn = selected.step_dn;
+        Some(TransferPoint::new(exposure_s, photons, flat, dark, mean_difference, clip_dn, step_dn))
     };
     let points: Vec<TransferPoint> = selected.pairs.iter().filter_map(transfer_point).collect();
     let mut transfer = photon_transfer(&points, Rules::Ours)?;
@@ -287,7 +296,7 @@ fn channel(
 
     // Figures, with the dark series of this colour's pixels.
     let dark_point = |p: &&FlaggedPoint<'_>| {
-        Some(DarkPoint::new(p.point.exposure_s, p.found.colour(colour)?, mean_difference))
+        Some(DarkPoint::new(p.point.exposure_s, p.found.colour(colour)?, mean_difference, selected.step_dn))
     };
     let dark = dark_series(selected.darks.iter().filter_map(dark_point).collect());
     let figures = figures(&Basis {

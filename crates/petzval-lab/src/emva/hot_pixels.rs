@@ -53,7 +53,7 @@ const LEAST_EXCESS_SIGMAS: f64 = 3.0;
 const LARGEST_DEPARTURE: f64 = 0.1;
 /// Share of normal pixels below the median by more than one standard deviation.
 const BELOW_ONE_SIGMA: f64 = 0.158_655_253_931_457_05;
-/// Variance of the difference of two numbers that are both rounded, DN^2.
+/// Variance of the difference of two numbers that are both rounded, steps^2.
 const ROUNDING_DN2: f64 = 2.0 / 12.0;
 
 /// Dark frames at one end of a dark series.
@@ -66,6 +66,8 @@ struct DarkEnd<'a> {
     variance_dn2: f64,
     /// Variance of the mean of a frame by the noise of its rows and columns, DN^2.
     lines_dn2: f64,
+    /// Distance of its digital numbers, DN.
+    step_dn: f64,
 }
 
 /// Dark currents of the pixels at one gain.
@@ -134,7 +136,7 @@ pub(super) fn of_dark_ends(
     max_dn: f64,
     bulk: &DarkSeries,
 ) -> Option<PixelDarkCurrents> {
-    let [short, long] = ends.map(dark_end);
+    let [short, long] = ends.map(|end| dark_end(end, bulk.step_dn()));
     let (short, long) = (short?, long?);
     let leaks = ends.iter().flatten().any(|end| end.flags.light_leak_dn.is_some());
     (long.exposure_s > short.exposure_s).then(|| {
@@ -150,13 +152,14 @@ pub(super) fn of_dark_ends(
 }
 
 /// One end of a dark series, if its frames are not cut off from below.
-fn dark_end<'a>(end: Option<&'a FlaggedPoint<'_>>) -> Option<DarkEnd<'a>> {
+fn dark_end<'a>(end: Option<&'a FlaggedPoint<'_>>, step_dn: f64) -> Option<DarkEnd<'a>> {
     let FlaggedPoint { point, found, flags } = end?;
     flags.is_whole().then_some(DarkEnd {
         exposure_s: point.exposure_s,
         stack: found.stack.as_ref()?,
         variance_dn2: found.all.variance_dn2,
         lines_dn2: found.all.lines_of_frame_dn2,
+        step_dn,
     })
 }
 
@@ -184,7 +187,7 @@ fn pixel_dark_currents(
     let mut sorted = differences.clone();
     let median = quantile(&mut sorted, 0.5) * per_unit;
     let below = quantile(&mut sorted, BELOW_ONE_SIGMA) * per_unit;
-    let spread = (median - below).max(ROUNDING_DN2.sqrt() / time_s);
+    let spread = (median - below).max(short.step_dn * ROUNDING_DN2.sqrt() / time_s);
     let threshold = median + THRESHOLD_SIGMAS * spread;
 
     // Average the ordinary pixels, those within the threshold.
@@ -196,7 +199,7 @@ fn pixel_dark_currents(
     let lines_of = |end: &DarkEnd<'_>| end.lines_dn2 / end.stack.frames as f64;
     let lines_se = (lines_of(short) + lines_of(long)).sqrt() / time_s;
     // So do rounding and the drift of the offset.
-    let rounding_of = |end: &DarkEnd<'_>| RoundingError::of(end.variance_dn2).mean_dn;
+    let rounding_of = |end: &DarkEnd<'_>| RoundingError::of(end.variance_dn2, end.step_dn).mean_dn;
     let rounding_se = rounding_of(short).hypot(rounding_of(long)) / time_s;
     let shared_se = lines_se.hypot(drift_se);
     let core_se = (spread / f64::sqrt(core)).hypot(shared_se).hypot(rounding_se);
@@ -312,7 +315,7 @@ fn bright_pixels(
     // Means of few frames lie on steps, and so does the median of their deviations; the standard deviation of what it keeps does not.
     let kept = || offsets.iter().map(|o| o - middle).filter(|o| o.abs() <= THRESHOLD_SIGMAS * scatter);
     let scatter = scatter.max((kept().map(|o| o * o).sum::<f64>() / kept().count().max(1) as f64).sqrt());
-    let rounding = (0.5 * ROUNDING_DN2).sqrt() * (1.0 + share).hypot(share);
+    let rounding = short.step_dn * (0.5 * ROUNDING_DN2).sqrt() * (1.0 + share).hypot(share);
     let limit = middle + THRESHOLD_SIGMAS * scatter.max(rounding);
     let is_bright =
         |i: &usize| offsets[*i] > limit && mean(long, *i) < end_dn && hot_pixels.binary_search(i).is_err();
@@ -407,7 +410,13 @@ mod tests {
     }
 
     fn found(stacks: &[Stack; 2]) -> PixelDarkCurrents {
-        let end = |stack, exposure_s| DarkEnd { exposure_s, stack, variance_dn2: 4.1, lines_dn2: 0.0 };
+        let end = |stack, exposure_s| DarkEnd {
+            exposure_s,
+            stack,
+            variance_dn2: 4.1,
+            lines_dn2: 0.0,
+            step_dn: 1.0,
+        };
         pixel_dark_currents(&end(&stacks[0], 0.001), &end(&stacks[1], 1.0), 4095.0, 0.0)
     }
 
@@ -461,6 +470,7 @@ mod tests {
                 stack: &stacks[i],
                 variance_dn2: variances[i],
                 lines_dn2: 0.0,
+                step_dn: 1.0,
             };
             let f = pixel_dark_currents(&end(0, 0.0), &end(1, 1.0), 4095.0, 0.0);
             for (square, figure) in squares.iter_mut().zip([f.ordinary_dn_per_s, f.median_dn_per_s]) {
@@ -566,7 +576,13 @@ mod tests {
             variance_dn2: Vec::new(),
         };
         let (short, long) = (stack(4, 100), stack(6, 110));
-        let end = |stack, exposure_s| DarkEnd { exposure_s, stack, variance_dn2: 0.0, lines_dn2: 0.0 };
+        let end = |stack, exposure_s| DarkEnd {
+            exposure_s,
+            stack,
+            variance_dn2: 0.0,
+            lines_dn2: 0.0,
+            step_dn: 1.0,
+        };
         let f = pixel_dark_currents(&end(&short, 1.0), &end(&long, 3.0), 4095.0, 0.0);
         assert_eq!(f.ordinary_dn_per_s.value(), Some(5.0));
         assert!((f.median_dn_per_s.value().unwrap() - 5.0).abs() < 1e-12 && f.outliers == 0);

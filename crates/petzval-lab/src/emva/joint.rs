@@ -324,7 +324,8 @@ fn row(input: &GainInput<'_>) -> GainRow {
     };
     let (mean, variance) = (&input.dark.mean, &input.dark.variance);
     let k_squared = k_by_noise.squared();
-    let rounding = variance.intercept.value().map(RoundingError::of).unwrap_or_default();
+    let rounding_of = |noise: f64| RoundingError::of(noise, input.dark.step_dn());
+    let rounding = variance.intercept.value().map(rounding_of).unwrap_or_default();
     GainRow {
         linear_gain: input.linear_gain,
         gain_dn_per_e: k,

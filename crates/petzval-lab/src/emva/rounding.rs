@@ -12,6 +12,9 @@
 //! phase.
 //!
 //! Rounding also changes by how much pixels or rows seem to differ: [`Steps`].
+//!
+//! Numbers that lie `g` apart, as compressed or left-aligned ones do, are whole numbers in units of `g`. Their rounding adds `g^2 / 12` to the
+//! variance; what that is above `1/12` is an [error of the level](coarse_rounding_dn2) that all dark points have in common.
 
 /// Variance of rounding to whole digital numbers, DN^2.
 pub const QUANTISATION_DN2: f64 = 1.0 / 12.0;
@@ -23,16 +26,22 @@ pub(super) const LEAST_DARK_VARIANCE_DN2: f64 = 0.24;
 pub struct RoundingError {
     /// Standard error of a mean, DN.
     pub mean_dn: f64,
-    /// Standard error of `variance - 1/12` as the variance before rounding, DN^2.
+    /// Standard error of `variance - step^2 / 12` as the variance before rounding, DN^2.
     pub variance_dn2: f64,
 }
 
 impl RoundingError {
-    /// Errors for frames with this temporal variance after rounding, DN^2.
-    pub fn of(variance_dn2: f64) -> Self {
-        let noise_dn2 = least_noise_dn2(variance_dn2);
-        Self { mean_dn: of_mean_dn(noise_dn2), variance_dn2: of_variance_dn2(noise_dn2) }
+    /// Errors for frames with this temporal variance after rounding, DN^2, to numbers `step_dn` apart.
+    pub fn of(variance_dn2: f64, step_dn: f64) -> Self {
+        let unit_dn2 = step_dn * step_dn;
+        let noise = least_noise_dn2(variance_dn2 / unit_dn2);
+        Self { mean_dn: step_dn * of_mean_dn(noise), variance_dn2: unit_dn2 * of_variance_dn2(noise) }
     }
+}
+
+/// Variance of rounding to numbers `step_dn` apart above that of whole numbers, DN^2.
+pub(super) fn coarse_rounding_dn2(step_dn: f64) -> f64 {
+    (step_dn * step_dn - 1.0) * QUANTISATION_DN2
 }
 
 /// The mean reading of a pixel over its level `x`, the steps of the converter smoothed by noise: `x + b(x)` with
@@ -47,9 +56,11 @@ impl RoundingError {
 ///
 /// which is far below `v` where all levels are near one digital number, and far above it where they are half-way between two.
 pub struct Steps {
-    /// Variance of the noise before rounding, DN^2.
+    /// Distance of two numbers, DN: the unit of what follows.
+    step_dn: f64,
+    /// Variance of the noise before rounding, steps^2.
     noise_dn2: f64,
-    /// c_k, DN.
+    /// c_k, steps.
     amplitudes: Vec<f64>,
 }
 
@@ -60,12 +71,12 @@ const PHASES: usize = 16;
 const SHARPEST_DN2: f64 = 0.05 * 0.05;
 
 impl Steps {
-    /// The steps behind noise that has this variance after rounding, as sharp as they may be, DN^2.
-    pub fn behind(variance_dn2: f64) -> Self {
-        Self::behind_noise(least_noise_dn2(variance_dn2))
+    /// The steps between numbers `step_dn` apart behind noise that has this variance after rounding, DN^2, as sharp as they may be.
+    pub fn behind(variance_dn2: f64, step_dn: f64) -> Self {
+        Self { step_dn, ..Self::behind_noise(least_noise_dn2(variance_dn2 / (step_dn * step_dn))) }
     }
 
-    /// The steps behind noise of this variance before rounding, DN^2.
+    /// The steps between whole numbers behind noise of this variance before rounding, DN^2.
     fn behind_noise(noise_dn2: f64) -> Self {
         let amplitude = |k: i32| {
             let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
@@ -73,7 +84,7 @@ impl Steps {
             sign * harmonic(k, noise_dn2.max(SHARPEST_DN2)) / (std::f64::consts::PI * k)
         };
         let amplitudes = (1..=HARMONICS).map(amplitude).take_while(|c| c.abs() > 1e-9).collect();
-        Self { noise_dn2, amplitudes }
+        Self { step_dn: 1.0, noise_dn2, amplitudes }
     }
 
     /// Standard error by rounding of a measured variance that has another error as well, DN^2. It is the root mean square distance from the
@@ -82,19 +93,21 @@ impl Steps {
     /// It is not proportional to the variance that is found. Between two steps a small variance is not found at all, and its size stays
     /// unknown up to the width of the steps.
     pub fn error_of_variance(&self, found_dn2: f64, standard_error_dn2: f64) -> f64 {
-        let level = found_dn2.max(0.0) + standard_error_dn2;
+        let unit_dn2 = self.step_dn * self.step_dn;
+        let level = (found_dn2.max(0.0) + standard_error_dn2) / unit_dn2;
         let squares = self.variances_found_as(level).map(|v| (v - level).powi(2)).sum::<f64>();
-        (squares / PHASES as f64).sqrt()
+        unit_dn2 * (squares / PHASES as f64).sqrt()
     }
 
     /// The steps for the mean over pixels whose levels vary with a measured variance, DN^2. This variance smooths the steps further. Of the
     /// true variances that would be measured like this, the least is taken.
     pub fn smoothed_by(&self, found_dn2: f64) -> Self {
-        let least = self.variances_found_as(found_dn2.max(0.0)).fold(f64::INFINITY, f64::min);
-        Self::behind_noise(self.noise_dn2 + least)
+        let found = found_dn2.max(0.0) / (self.step_dn * self.step_dn);
+        let least = self.variances_found_as(found).fold(f64::INFINITY, f64::min);
+        Self { step_dn: self.step_dn, ..Self::behind_noise(self.noise_dn2 + least) }
     }
 
-    /// For each phase, the true variance that would be measured as `found_dn2`, DN^2.
+    /// For each phase, the true variance that would be measured as `found_dn2`, steps^2.
     fn variances_found_as(&self, found_dn2: f64) -> impl Iterator<Item = f64> {
         let phase = |i: usize| 0.5 * (i as f64 + 0.5) / PHASES as f64;
         (0..PHASES).map(phase).map(move |phase| {
@@ -108,7 +121,7 @@ impl Steps {
         })
     }
 
-    /// `found(v, m)` of the formula above.
+    /// `found(v, m)` of the formula above, steps^2.
     fn found_dn2(&self, v: f64, m: f64) -> f64 {
         let turn = std::f64::consts::TAU;
         let terms = 2 * self.amplitudes.len() + 1;
@@ -197,6 +210,23 @@ mod tests {
             let found = Steps::behind_noise(sigma * sigma).found_dn2(spread * spread, mean);
             assert!((found / variance - 1.0).abs() < 0.01, "{sigma} {spread} {mean}: {found} {variance}");
         }
+    }
+
+    #[test]
+    fn numbers_further_apart_are_whole_numbers_of_another_unit() {
+        for variance_dn2 in [0.1, 0.2, 0.5] {
+            let (whole, coarse) =
+                (RoundingError::of(variance_dn2, 1.0), RoundingError::of(16.0 * variance_dn2, 4.0));
+            assert!((coarse.mean_dn - 4.0 * whole.mean_dn).abs() < 1e-12, "{variance_dn2}");
+            assert!((coarse.variance_dn2 - 16.0 * whole.variance_dn2).abs() < 1e-12, "{variance_dn2}");
+            let (fine, wide) = (Steps::behind(variance_dn2, 1.0), Steps::behind(16.0 * variance_dn2, 4.0));
+            let (one, other) = (fine.error_of_variance(0.1, 0.01), wide.error_of_variance(1.6, 0.16));
+            assert!((other - 16.0 * one).abs() < 1e-9, "{variance_dn2}: {one} {other}");
+            let (one, other) = (fine.smoothed_by(0.1), wide.smoothed_by(1.6));
+            let [one, other] = [one.error_of_variance(0.1, 0.01), other.error_of_variance(1.6, 0.16)];
+            assert!((other - 16.0 * one).abs() < 1e-9, "{variance_dn2}: {one} {other}");
+        }
+        assert!(coarse_rounding_dn2(1.0) == 0.0 && (coarse_rounding_dn2(5.0) - 2.0).abs() < 1e-12);
     }
 
     #[test]

@@ -25,6 +25,7 @@ use std::rc::Rc;
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use super::compressed::level_step_dn;
 use super::defects::{Defect, defects, without};
 use super::goodness::{FitTest, Verdict};
 use super::high_pass::{HighPass, Plane, high_pass_5x5_times_25};
@@ -309,6 +310,8 @@ struct Sub {
     steps: [usize; 2],
     /// Temporal variance of single pixels, DN^2.
     pixel_temporal: Measured,
+    /// Distance of the digital numbers near its level, DN.
+    step_dn: f64,
 }
 
 impl Sub {
@@ -338,6 +341,7 @@ impl Sub {
             lines: Rc::new(moments.line_covariances.clone()),
             steps: [cfa.rows(), cfa.cols()],
             pixel_temporal: moments.line_noise.pixel_dn2,
+            step_dn: level_step_dn(&moments.histogram),
         }
     }
 
@@ -487,7 +491,7 @@ fn components(subs: &[Sub], high_pass: HighPass) -> Components {
         let total_se = pixel_se.hypot(column_se).hypot(row_se);
         // Noise too small to smooth the steps of the converter stretches or shrinks the differences of pixels. Those of rows and columns
         // are smoothed by the pixels as well, whose spread is taken without its tails: a few hot pixels smooth nothing.
-        let steps = Steps::behind(sub.temporal - sub.flicker);
+        let steps = Steps::behind(sub.temporal - sub.flicker, sub.step_dn);
         let of_lines = steps.smoothed_by(found.pixel_core / shares - pixels / l);
         let rounded =
             |steps: &Steps, value: f64, se: f64| (value, se.hypot(steps.error_of_variance(value, se)));

@@ -19,7 +19,6 @@ use super::deviation_noise::{DeviationNoise, Extremes};
 use super::fit::{Line, line};
 use super::goodness::{FitTest, Model, Points, Verdict, significant_bend, test};
 use super::measured::{Measured, Unresolved};
-use super::rounding::RoundingError;
 use super::saturation::saturation;
 use super::shared_noise::SharedNoise;
 use super::transfer_point::FIT_SHARE;
@@ -109,7 +108,9 @@ impl PhotonTransfer {
         self.gain_test.model_error = self.gain_test.model_error.hypot(error);
         self.gain_test.verdict = Verdict::Widened;
         self.gain_dn_per_e = self.gain_dn_per_e.with_error(error);
-        self.compression = Some(Compression { low_step_dn, high_step_dn, gain_error_dn_per_e: error.abs() });
+        let dark_step_dn = used.iter().map(|p| p.dark_step_dn).fold(1.0, f64::max);
+        let gain_error_dn_per_e = error.abs();
+        self.compression = Some(Compression { low_step_dn, high_step_dn, dark_step_dn, gain_error_dn_per_e });
         self
     }
 
@@ -218,7 +219,7 @@ fn transfer_points(used: &[TransferPoint], k: f64) -> Points {
     let own = |p: &TransferPoint| p.variance_se_dn2.hypot(k * p.mean_se_dn);
     let of_dark = |p: &TransferPoint| p.dark_variance_se_dn2.hypot(k * p.dark_mean_se_dn);
     let rounding = |p: &TransferPoint| {
-        let rounding = RoundingError::of(p.dark_variance_dn2);
+        let rounding = p.dark_rounding();
         rounding.variance_dn2.hypot(k * rounding.mean_dn)
     };
     Points {
@@ -235,7 +236,7 @@ fn response_points(light: Vec<f64>, used: &[TransferPoint]) -> Points {
         x: light,
         y: used.iter().map(TransferPoint::signal_dn).collect(),
         own_se: used.iter().map(|p| p.mean_se_dn).collect(),
-        shared: shared(used, |p| p.dark_mean_se_dn, |p| RoundingError::of(p.dark_variance_dn2).mean_dn),
+        shared: shared(used, |p| p.dark_mean_se_dn, |p| p.dark_rounding().mean_dn),
     }
 }
 
@@ -386,6 +387,7 @@ mod tests {
             dark_mean_se_dn: 0.1,
             dark_variance_dn2: 1.0,
             dark_variance_se_dn2: 0.01,
+            dark_step_dn: 1.0,
             row_flicker_dn2: 0.0,
             total_variance_dn2: 1.0 + variance,
             share_at_max: 0.0,

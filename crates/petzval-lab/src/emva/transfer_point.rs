@@ -5,6 +5,7 @@ use serde::Serialize;
 
 use super::clamp::CLIPPED_SHARE;
 use super::point::Moments;
+use super::rounding::RoundingError;
 
 /// One setting with its flat and its dark frames.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
@@ -29,6 +30,9 @@ pub struct TransferPoint {
     pub dark_variance_dn2: f64,
     /// Its standard error, DN^2.
     pub dark_variance_se_dn2: f64,
+    /// Distance of the digital numbers in the dark, DN.
+    #[serde(skip)]
+    pub dark_step_dn: f64,
     /// Part of the flat variance that whole rows share beyond what the dark frames have, if it is significant: light that flickers while a rolling
     /// shutter reads, DN^2. It is no noise of pixels, and the variance above dark is without it.
     pub row_flicker_dn2: f64,
@@ -40,7 +44,7 @@ pub struct TransferPoint {
 
 impl TransferPoint {
     /// Pairs flat and dark moments; `mean_difference` subtracts the variance of the frames' means (release 4), `clip_dn` is
-    /// where the converter clips ([`super::samples::clip_dn`]).
+    /// where the converter clips ([`super::samples::clip_dn`]), `dark_step_dn` the distance of the digital numbers in the dark.
     pub fn new(
         exposure_s: f64,
         photons: Option<f64>,
@@ -48,6 +52,7 @@ impl TransferPoint {
         dark: &Moments,
         mean_difference: bool,
         clip_dn: u32,
+        dark_step_dn: f64,
     ) -> Self {
         let variance =
             |m: &Moments| if mean_difference { m.variance_dn2 } else { m.variance_uncorrected_dn2 };
@@ -62,6 +67,7 @@ impl TransferPoint {
             dark_mean_se_dn: dark.mean_se_dn,
             dark_variance_dn2: variance(dark),
             dark_variance_se_dn2: dark.variance_se_dn2,
+            dark_step_dn,
             row_flicker_dn2: 0.0,
             total_variance_dn2: flat.total_variance_dn2(),
             share_at_max: share_at(flat, clip_dn),
@@ -89,6 +95,11 @@ impl TransferPoint {
     /// Standard error of the signal, DN.
     pub fn signal_se_dn(&self) -> f64 {
         self.mean_se_dn.hypot(self.dark_mean_se_dn)
+    }
+
+    /// Errors of the dark frames by rounding.
+    pub(super) fn dark_rounding(&self) -> RoundingError {
+        RoundingError::of(self.dark_variance_dn2, self.dark_step_dn)
     }
 
     /// Variance above dark, without the flicker of rows, DN^2.

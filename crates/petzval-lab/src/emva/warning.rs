@@ -430,7 +430,7 @@ warnings! {
         found: Compression,
         /// Error that they add to K, percent; `None` where K is not resolved.
         percent: Option<f64>,
-    } => "at gain {linear_gain}, {}, numbers are missing between those that occur, in steps from {:.1} to {:.1} DN that grow with the level, as after a lossy compression{}; capture uncompressed raw frames", colour_name(*colour), found.low_step_dn, found.high_step_dn, error_of_steps(*percent);
+    } => "at gain {linear_gain}, {}, numbers are missing between those that occur, in steps from {:.1} to {:.1} DN that grow with the level, as after a lossy compression{}{}; capture uncompressed raw frames", colour_name(*colour), found.low_step_dn, found.high_step_dn, error_of_steps(*percent), in_the_dark(found.dark_step_dn);
 
     /// Rows of flat frames share noise that dark frames lack: the light flickers while a rolling shutter reads.
     RowFlicker("row-flicker", severity *percent) {
@@ -625,6 +625,19 @@ fn error_of_steps(percent: Option<f64>) -> String {
     percent.map_or(String::new(), |percent| {
         format!(": their rounding is in the noise, and the error of K contains {percent:.1} % for it")
     })
+}
+
+/// Step in the dark from which on its rounding is worth a word, DN.
+const COARSE_STEP_DN: f64 = 1.05;
+
+fn in_the_dark(step_dn: f64) -> String {
+    if step_dn < COARSE_STEP_DN {
+        return String::new();
+    }
+    format!(
+        ". In the dark the steps are {step_dn:.1} DN, and the errors of K, dark current, read noise, noise of rows and columns and DSNU contain their \
+         rounding"
+    )
 }
 
 /// Bits that hold a digital number.

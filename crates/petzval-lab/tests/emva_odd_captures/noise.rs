@@ -195,6 +195,41 @@ fn numbers_that_are_compressed_widen_the_error_of_k() {
 }
 
 #[test]
+fn steps_of_compression_in_the_dark_are_in_the_errors_of_dark_figures() {
+    // A table of square roots, whose numbers are 4 DN apart at the black level: three and a half times the dark noise.
+    let codes: Vec<u16> = (0..256_u32).map(|i| (f64::from(i * i) / 16.0).round() as u16).collect();
+    let nearest = |dn: u16| codes.iter().copied().min_by_key(|code| code.abs_diff(dn)).unwrap();
+    let table: Vec<u16> = (0..4096).map(nearest).collect();
+    for (seed, black_dn) in [(1, 64.0), (2, 65.0), (3, 66.0), (4, 67.0)] {
+        let bench = Bench {
+            size: [96, 144],
+            dark_current_e_per_s: 40.0,
+            dark_s: vec![0.05, 0.1, 0.2, 0.3],
+            dsnu_e: 1.0,
+            stack: 8,
+            black_dn: vec![black_dn],
+            seed,
+            ..Bench::default()
+        };
+        let folder = tempfile::tempdir().unwrap();
+        bench.write(folder.path());
+        for kind in ["dark", "flat"] {
+            change(folder.path(), kind, &|_, _, dn| table[usize::from(dn)]);
+        }
+        let found = measured(folder.path()).unwrap();
+        let said = messages(&found, "compressed");
+        assert!(said.len() == 1 && said[0].contains("In the dark the steps are 4."), "{:?}", found.warnings);
+        let (gain, k2) = (&found.gains[0], 0.38_f64.powi(2));
+        within("slope of the dark variance", gain.dark.variance.slope, 40.0 * k2, 3.5);
+        within("dark variance", gain.dark.variance.intercept, 9.0 * k2 + 1.0 / 12.0, 3.5);
+        within("slope of the dark mean", gain.dark.mean.slope, 40.0 * 0.38, 3.5);
+        let pixels = gain.pixel_dark_currents.as_ref().unwrap();
+        within("dark current of the pixels", pixels.ordinary_dn_per_s, 40.0 * 0.38, 3.5);
+        within("DSNU^2", gain.channels[0].spatial.as_ref().unwrap().dark_components.total, k2, 3.5);
+    }
+}
+
+#[test]
 fn light_that_flickers_from_row_to_row_is_left_out_of_k() {
     for (cfa, colours) in [("mono", 1), ("RGGB", 3)] {
         let bench = Bench { cfa, row_noise_e: 0.3, ..Bench::default() };
