@@ -163,7 +163,8 @@ impl Moments {
     /// Mean of the samples within six standard deviations of their median, DN: hot and stuck pixels do not count.
     pub(super) fn bulk_mean_dn(&self) -> f64 {
         let [low, median, _] = self.bulk_dn();
-        let reach = TRIM_SIGMAS * (median - low).max(1.0);
+        // Whole numbers may show up to one less than the standard deviation.
+        let reach = TRIM_SIGMAS * (median - low + 1.0);
         let first = f64::from(self.histogram.first_dn);
         let samples = self.histogram.counts.iter().enumerate().map(|(i, c)| (first + i as f64, *c as f64));
         let within = samples.filter(|(dn, _)| (dn - median).abs() <= reach);

@@ -14,7 +14,7 @@
 //! Rounding also changes by how much pixels or rows seem to differ: [`Steps`].
 //!
 //! Numbers that lie `g` apart, as compressed or left-aligned ones do, are whole numbers in units of `g`. Their rounding adds `g^2 / 12` to the
-//! variance; what that is above `1/12` is an [error of the level](coarse_rounding_dn2) that all dark points have in common.
+//! variance; what that is above `1/12` is an error of the level that all dark points have in common.
 
 /// Variance of rounding to whole digital numbers, DN^2.
 pub const QUANTISATION_DN2: f64 = 1.0 / 12.0;
