@@ -134,10 +134,15 @@ fn the_series_of_the_standard_gives_every_figure() {
         let specimen = if name.contains("row") || name.contains("col") { 0.3 * truth } else { 0.03 * truth };
         assert!((value - truth).abs() < 5.0 * se + specimen, "{name}: {value} +- {se}, not {truth}");
     }
-    // Every figure of the standard is printed.
+    // Every figure of the standard is printed; of a straight response the errors of linearity are noise.
     let text = run_ok(folder.path(), &["sensor", "characterize", "series"]).stdout;
     let sheet = text.split("gain 1, mono").nth(1).unwrap();
-    assert!(!sheet.contains("not resolved"), "{text}");
+    let unresolved = sheet.lines().filter(|line| line.contains("not resolved"));
+    let of_linearity = |line: &str| {
+        let (why, names) = line.rsplit_once(": ").unwrap();
+        why.ends_with("is within two standard errors of zero") && names.starts_with("LE_m")
+    };
+    assert!(unresolved.map(of_linearity).all(|is_noise| is_noise), "{text}");
     assert!(text.contains("sensor capture --gains 1,2,4") && !text.contains("over green"), "{text}");
 
     // An interrupted series is reported, and is continued.
