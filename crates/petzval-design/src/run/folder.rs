@@ -99,7 +99,7 @@ impl RunFolder {
         for entry in entries {
             let name = entry.map_err(DesignError::io(&self.root))?.file_name().to_string_lossy().into_owned();
             let is_log = name.starts_with('.') || LOG_ENDINGS.iter().any(|ending| name.ends_with(ending));
-            if !is_log && !(was_begun && is_left(&name)) {
+            if !(is_log || was_begun && is_left(&name)) {
                 others.push(name);
             }
         }

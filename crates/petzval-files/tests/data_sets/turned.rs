@@ -65,8 +65,8 @@ fn boxes_turn_with_pictures_that_exif_turns_or_are_not_guessed() {
     assert_eq!(of_turned(stored, 3, ""), (Some((40, 30)), None, [0, 0, 0]));
     let turned = of_turned(&format!("{stored}, \"turned\": true"), 3, "[10, 8, 6, 12]");
     assert_eq!(turned, (Some((40, 30)), Some([10.0, 8.0, 6.0, 12.0]), [0, 0, 0]));
-    let as_stored = of_turned(&format!("{stored}, \"turned\": false"), 3, "[10, 8, 6, 12]");
-    assert_eq!(as_stored, (Some((40, 30)), Some([24.0, 10.0, 6.0, 12.0]), [1, 0, 0]));
+    let unturned = of_turned(&format!("{stored}, \"turned\": false"), 3, "[10, 8, 6, 12]");
+    assert_eq!(unturned, (Some((40, 30)), Some([24.0, 10.0, 6.0, 12.0]), [1, 0, 0]));
     // Without a stated size nothing says it either.
     assert_eq!(of_turned(r#""license": 1"#, 6, "[10, 8, 6, 12]"), (None, None, [0, 1, 0]));
     assert_eq!(of_turned(r#""width": 41, "height": 30"#, 6, "[1, 8, 6, 12]"), (None, None, [0, 0, 1]));

@@ -161,14 +161,14 @@ impl<'a> Source<'a> {
 /// Reads a raw file as an ISP takes it.
 pub fn read_frame(path: &Path, options: &FrameOptions, context: &Context) -> Result<RawInput> {
     let noted = noted_frames(context);
-    Ok(read_one(Source::File(path), options, &noted)?.as_stored(path, &noted))
+    Ok(read_one(Source::File(path), options, &noted)?.unturned(path, &noted))
 }
 
 /// A raw frame in memory as an ISP takes it.
 pub fn frame_in_memory(raw: RawInMemory<'_>, options: &FrameOptions, context: &Context) -> Result<RawInput> {
     check_numbers(raw.frame, raw.name)?;
     let noted = noted_frames(context);
-    Ok(read_one(Source::Memory(raw), options, &noted)?.as_stored(Path::new(raw.name), &noted))
+    Ok(read_one(Source::Memory(raw), options, &noted)?.unturned(Path::new(raw.name), &noted))
 }
 
 /// What an ISP knows of frames like one in memory, without their numbers: no level is estimated from these.
@@ -214,7 +214,7 @@ impl Frame {
     }
 
     /// The frame alone, for those who make pictures of it themselves. Warns if these should be turned.
-    fn as_stored(self, path: &Path, noted: &Noted<'_>) -> RawInput {
+    fn unturned(self, path: &Path, noted: &Noted<'_>) -> RawInput {
         if let Some((exif, turn)) = self.turn() {
             noted.warning(
                 path.display(),

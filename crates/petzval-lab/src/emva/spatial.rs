@@ -631,6 +631,7 @@ mod tests {
             temporal_se: squares.sqrt() / stack.variance_dn2.len() as f64,
             flicker: 0.0,
             lines: Rc::default(),
+            step_dn: 1.0,
             steps: [1; 2],
             pixel_temporal: Measured::new(temporal, squares.sqrt() / stack.variance_dn2.len() as f64),
         }

@@ -393,7 +393,7 @@ fn lifted_hessian(
 ) -> Option<DMatrix<f64>> {
     let rays = rays_of(&*goal.merit, &mapped.lens)?;
     let seen = Seen { rays: &rays, places: false, light: &[] };
-    let by_square = by_lens.scaled(2.0 * residual_um * goal.weight_um);
+    let by_square = by_lens.clone().scaled(2.0 * residual_um * goal.weight_um);
     let gram = lifted_normal_equations(seen, &mapped.lens, numbers, residual_um * residual_um, &by_square)?;
     let moving = gram.ncols() - 1;
     let inner = gram.view((0, 0), (moving, moving));

@@ -86,7 +86,7 @@ fn in_words(runs: &Runs, args: &Args) -> String {
             name,
             unit.state.clone(),
             run.map_or_else(none, steps),
-            seconds.map_or_else(none, time),
+            seconds.map_or_else(none, time_text),
             run.map_or_else(none, scores),
             run.map_or_else(String::new, |run| differs(run, runs)),
         ]);

@@ -129,7 +129,7 @@ pub(super) fn descent(
                 From::Best => Problem { base: descent.best.lens.clone(), ..problem.clone() },
             };
             let mut watch = |iteration: usize, _: &Analysis, _: &[f64]| {
-                context.progress(iteration as u64, iterations as u64, name);
+                context.progress(iteration as u64, iterations as u64, *name);
                 !context.is_cancelled()
             };
             let other = way(&on, &options, &mut watch).ok().filter(|d| d.stop != Stop::Interrupted);
