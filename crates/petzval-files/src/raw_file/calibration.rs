@@ -2,20 +2,12 @@
 //!
 //! A TOML file that the key `calibration` of a sidecar names. Its keys are those of [`FrameData`], each of which may be missing.
 
-use std::path::Path;
-
-use petzval_base::{FileError, InFile};
 use petzval_camera::isp::{FrameData, Mesh, NoiseProfile};
 use petzval_camera::spectral::Matrix3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::RawFileError;
-use super::calibration_fault::Fault;
 use super::info::BlackLevels;
-
-/// Largest calibration that is read, bytes: meshes of a node for every few pixels.
-const MOST_BYTES: u64 = 64 << 20;
 
 /// The black level at a gain.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -102,26 +94,6 @@ impl FrameCalibration {
             warp: self.warp.or(about.warp),
             companding: about.companding,
         }
-    }
-
-    /// Reads and checks a file.
-    pub fn load(path: &Path) -> Result<Self, RawFileError> {
-        let bytes = petzval_base::read_at_most(path, MOST_BYTES).map_err(RawFileError::io(path))?;
-        let Ok(text) = String::from_utf8(bytes) else {
-            let reason = "the calibration is not UTF-8 text".to_owned();
-            return Err(RawFileError::content(path, reason, "give a TOML file with keys such as black_dn"));
-        };
-        Ok(Self::from_toml(&text).map_err(InFile::at(path))?)
-    }
-
-    /// Reads and checks the text of a file.
-    pub fn from_toml(text: &str) -> Result<Self, FileError> {
-        let calibration: Self = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
-        if let Some(Fault { key, message, hint, is_short }) = calibration.fault() {
-            let error = FileError::at_key(text, &[key], message).hint(hint);
-            return Err(if is_short { error } else { error.without_value() });
-        }
-        Ok(calibration)
     }
 
     /// The text of the file.

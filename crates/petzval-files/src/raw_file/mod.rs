@@ -18,7 +18,7 @@
 //! appended. The sidecar overrides the file.
 
 mod calibration;
-mod calibration_fault;
+mod calibration_file;
 #[cfg(feature = "dng")]
 mod dng;
 mod error;

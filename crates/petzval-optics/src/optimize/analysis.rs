@@ -365,8 +365,8 @@ fn beyond_bound_hessian(
     Some(all * (1.0 - held) + row * row.transpose() * held)
 }
 
-/// The products `J'J` of the derivatives of the residuals of a figure by each of the numbers and by the logarithm of the stop radius: those of
-/// its own residuals, or those of its rays, whose spot is scaled to the size of the figure.
+/// `J'J` of a figure, where `J` are the derivatives of its residuals by each of the numbers and by the logarithm of the stop radius. A figure without
+/// residuals of its own has those of its rays, whose spot is scaled to the size of the figure.
 fn curvature_of_square(
     merit: &dyn Merit,
     value: f64,

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use petzval_base::counted;
+use crate::base::counted;
 
 use crate::jobs::isp::tune::{self, Plan, Response, Start};
 

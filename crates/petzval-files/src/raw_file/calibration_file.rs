@@ -1,8 +1,15 @@
-//! What is wrong with the numbers of a calibration.
+//! Reads the files of calibrations, and says what is wrong with their numbers.
 
+use std::path::Path;
+
+use petzval_base::{FileError, InFile};
 use petzval_camera::isp::Mesh;
 
+use super::RawFileError;
 use super::calibration::{BlackAtGain, FrameCalibration};
+
+/// Largest calibration that is read, bytes: meshes of a node for every few pixels.
+const MOST_BYTES: u64 = 64 << 20;
 
 /// Range of a response, relative to green.
 const RESPONSE: std::ops::RangeInclusive<f64> = 0.01..=100.0;
@@ -14,20 +21,40 @@ const LEAST_SATURATION: f64 = 1e-6;
 const LEAST_RANGE_DN: f64 = 1.0;
 
 /// A key with a wrong value.
-pub(super) struct Fault {
+struct Fault {
     /// The key.
-    pub key: &'static str,
+    key: &'static str,
     /// What its value must be, and what is wrong if the value itself does not show it.
-    pub message: String,
+    message: String,
     /// What to write.
-    pub hint: &'static str,
+    hint: &'static str,
     /// Whether the value is short enough to be quoted.
-    pub is_short: bool,
+    is_short: bool,
 }
 
 impl FrameCalibration {
+    /// Reads and checks a file.
+    pub fn load(path: &Path) -> Result<Self, RawFileError> {
+        let bytes = petzval_base::read_at_most(path, MOST_BYTES).map_err(RawFileError::io(path))?;
+        let Ok(text) = String::from_utf8(bytes) else {
+            let reason = "the calibration is not UTF-8 text".to_owned();
+            return Err(RawFileError::content(path, reason, "give a TOML file with keys such as black_dn"));
+        };
+        Ok(Self::from_toml(&text).map_err(InFile::at(path))?)
+    }
+
+    /// Reads and checks the text of a file.
+    pub fn from_toml(text: &str) -> Result<Self, FileError> {
+        let calibration: Self = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+        if let Some(Fault { key, message, hint, is_short }) = calibration.fault() {
+            let error = FileError::at_key(text, &[key], message).hint(hint);
+            return Err(if is_short { error } else { error.without_value() });
+        }
+        Ok(calibration)
+    }
+
     /// The first fault; `None` if every number is in its range.
-    pub(super) fn fault(&self) -> Option<Fault> {
+    fn fault(&self) -> Option<Fault> {
         self.fault_of_number().or_else(|| self.fault_of_list())
     }
 
