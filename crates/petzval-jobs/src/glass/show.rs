@@ -32,7 +32,7 @@ const LINES: [(&str, f64); 14] = [
 ];
 
 /// Temperatures between which dn/dT is measured, as on data sheets, degrees Celsius.
-const DN_DT_C: [f64; 2] = [20.0, 40.0];
+pub const DN_DT_C: [f64; 2] = [20.0, 40.0];
 
 /// The partial dispersion of ordinary glasses, through K7 and F2: `P_gF = 0.6438 - 0.001682 V_d`.
 const NORMAL_LINE: [f64; 2] = [0.6438, -0.001682];

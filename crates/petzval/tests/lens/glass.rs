@@ -83,7 +83,10 @@ fn show_agrees_with_the_data_sheet() {
     let text =
         run_ok(folder.path(), &["glass", "show", "N-BK7", "--temperature", "-40", "--pressure", "0"]).stdout;
     assert!(
-        text.contains("sellmeier = {") && text.contains("-40 C, 0 atm") && !text.contains("extinction"),
+        text.contains("sellmeier = {")
+            && text.contains("mean from 20 to 40 C")
+            && text.contains("-40 C, 0 atm")
+            && !text.contains("extinction"),
         "{text}"
     );
     run_fails(

@@ -1,6 +1,6 @@
 //! `petzval glass show`: all data of a glass.
 
-use crate::jobs::glass::show::{self, PATH_MM};
+use crate::jobs::glass::show::{self, DN_DT_C, PATH_MM};
 
 use crate::cli::code::Code;
 use crate::cli::failure::Failure;
@@ -67,12 +67,16 @@ fn print(response: &show::Response) {
     for line in &glass.lines {
         let dn_dt = figure(line.dn_dt_per_k.map(|v| v * 1e6), 2);
         let through = figure(line.transmission_10_mm, 4);
-        let in_air = line.index_at.map_or(String::new(), |n| format!("{n:>16.6}"));
+        let in_air = line.index_at.map_or(String::new(), |n| format!(" {n:>15.6}"));
         let row = format!(
             "  {:<3} {:>9.5} {:>11.6} {dn_dt:>14} {through:>19}{in_air}",
             line.line, line.um, line.index
         );
         outln!("{}", row.trim_end());
+    }
+    if glass.lines.iter().any(|line| line.dn_dt_per_k.is_some()) {
+        let [from, to] = DN_DT_C;
+        outln!("  dn/dT: of the index relative to air of the same temperature, mean from {from} to {to} C");
     }
     // Print the table for a lens file, without its long lists of absorption.
     let is_short = |line: &&str| !line.starts_with("transmission") && !line.starts_with("extinction");
