@@ -76,7 +76,7 @@ fn summary(figures: &Figures) -> String {
                 if s.place_is_known { format!("{:.4}", error[0].hypot(error[1])) } else { "-".into() }
             };
             out += &format!(
-                "     {:.4}     {:.4}           {:<13}{}",
+                "     {:.4}     {:.4}           {:<12} {}",
                 s.l1[1],
                 s.l1_of_demosaicing[1],
                 off(s.centroid_error_same_mosaic_px[1]),

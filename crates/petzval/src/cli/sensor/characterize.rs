@@ -78,9 +78,9 @@ impl Lines {
         let _ = match (measured.value(), measured.standard_error().filter(|se| *se > 0.0)) {
             (Some(v), Some(se)) => {
                 let digits = (1.0 - se.log10().floor()).clamp(0.0, 9.0) as usize;
-                writeln!(self.text, "{name:<30}{v:>14.digits$} +- {se:<12.digits$} {unit}")
+                writeln!(self.text, "{name:<29} {v:>14.digits$} +- {se:<12.digits$} {unit}")
             }
-            (Some(v), None) => writeln!(self.text, "{name:<30}{v:>14.6}    {:<12} {unit}", ""),
+            (Some(v), None) => writeln!(self.text, "{name:<29} {v:>14.6}    {:<12} {unit}", ""),
             (None, _) => {
                 let why = measured.reason().map_or(String::new(), |why| why.to_string());
                 let name = name.trim().to_owned();
@@ -100,7 +100,7 @@ impl Lines {
             (Some(limit), Some(value)) => {
                 let digits = (3.0 - value.abs().max(1e-6).log10().floor()).clamp(0.0, 9.0) as usize;
                 let text = format!("{} {value:.digits$}", limit.sign());
-                let _ = writeln!(self.text, "{name:<30}{text:>14}    {:<12} {}", "", figure.unit);
+                let _ = writeln!(self.text, "{name:<29} {text:>14}    {:<12} {}", "", figure.unit);
             }
             _ => self.add(&name, measured, figure.unit),
         }
@@ -215,7 +215,7 @@ fn tests(all: &[NamedFit]) -> String {
             continue;
         };
         let holds = of_name().filter(|fit| fit.test.verdict == Verdict::Holds).count();
-        let _ = writeln!(text, "  {name:<28}{holds} of {} hold; worst: {}", of_name().count(), test(worst));
+        let _ = writeln!(text, "  {name:<27} {holds} of {} hold; worst: {}", of_name().count(), test(worst));
         for fit in of_name().filter(|fit| fit.test.verdict != Verdict::Holds) {
             let _ = writeln!(text, "    {} {}: {}", fit.place(), fit.test.verdict.words(), test(fit));
         }

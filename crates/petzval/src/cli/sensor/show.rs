@@ -23,7 +23,7 @@ pub struct Args {
 /// The numbers of the sensor file, a line each.
 fn facts(s: &SensorModel) -> String {
     let mut text = format!("{}\n{}\n\n", s.name, s.source);
-    let mut line = |name: &str, value: String| text += &format!("{name:<28}{value}\n");
+    let mut line = |name: &str, value: String| text += &format!("{name:<27} {value}\n");
     let with_unit =
         |value: f64, unit: &str| format!("{:>12} {unit}", six_digits(value)).trim_end().to_owned();
     let [width_mm, height_mm] = [s.width, s.height].map(|n| 1e-3 * s.pixel_um * n as f64);
