@@ -3,10 +3,10 @@
 
 use std::collections::BTreeMap;
 
+use petzval_base::counted;
 use petzval_learn::score::ScoreDescription;
-use petzval_optics::lens::Lens;
 use petzval_optics::merit::{Better, RmsSpot};
-use petzval_optics::tolerance::{Freedom, MonteCarlo, Study, ToleranceError, Tolerances, Trial};
+use petzval_optics::tolerance::{Failure, MonteCarlo, Study, ToleranceError, Tolerances, Trial};
 
 use crate::camera::Camera;
 use crate::error::DesignError;
@@ -32,8 +32,10 @@ pub struct TrialPlan {
 pub struct MadeCameras {
     /// Those of the camera as drawn.
     pub drawn: BTreeMap<String, f64>,
-    /// Those of each camera; none for one without an image.
+    /// Those of each camera; none for one without an image, or whose lens cannot be built.
     pub trials: Vec<Option<BTreeMap<String, f64>>>,
+    /// How many lenses cannot be built.
+    pub unbuildable: usize,
 }
 
 /// Why cameras cannot be made.
@@ -47,21 +49,49 @@ pub enum MadeError {
     Design(#[from] DesignError),
 }
 
-/// The tolerances with which a lens keeps its symmetry, and how many others there are. A camera knows its PSFs by their distance from the axis,
-/// so that decentres and tilts cannot be rendered. Of compensators only the image plane stays.
-pub fn symmetric(tolerances: Tolerances, lens: &Lens) -> (Tolerances, usize) {
+/// How many tolerances and compensators break the symmetry of a lens and are left out.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LeftOut {
+    /// Decentres and tilts that a lens may have.
+    pub tolerances: usize,
+    /// Decentres and tilts that are adjusted on every lens.
+    pub compensators: usize,
+}
+
+impl LeftOut {
+    /// What is left out, and what that does to the yield; `None` if nothing is.
+    pub fn in_words(self) -> Option<String> {
+        let named = |count: usize, what: &str| (count > 0).then(|| counted(count, what));
+        let kinds = [named(self.tolerances, "tolerance"), named(self.compensators, "compensator")];
+        let bound = match kinds {
+            [None, None] => return None,
+            [Some(_), None] => "the yield is an upper bound",
+            [None, Some(_)] => "the yield is a lower bound",
+            [Some(_), Some(_)] => "the yield may be higher or lower with them",
+        };
+        let are = if self.tolerances + self.compensators == 1 { "is" } else { "are" };
+        let kinds = kinds.into_iter().flatten().collect::<Vec<_>>().join(" and ");
+        Some(format!(
+            "{kinds} {are} left out: with a decentre or tilt a lens has no symmetry, and its pictures cannot be rendered; {bound}"
+        ))
+    }
+}
+
+/// The tolerances and compensators with which a lens keeps its symmetry, and how many others there are. A camera knows its PSFs by their distance
+/// from the axis, so that decentres and tilts cannot be rendered.
+pub fn symmetric(tolerances: Tolerances) -> (Tolerances, LeftOut) {
     let Tolerances { mut perturbations, mut compensators } = tolerances;
-    let all = perturbations.len() + compensators.len();
+    let all = (perturbations.len(), compensators.len());
     perturbations.retain(|p| p.freedom.quantity.keeps_symmetry());
-    compensators.retain(|(freedom, _)| *freedom == Freedom::focus(lens));
-    let left_out = all - perturbations.len() - compensators.len();
+    compensators.retain(|(freedom, _)| freedom.quantity.keeps_symmetry());
+    let left_out =
+        LeftOut { tolerances: all.0 - perturbations.len(), compensators: all.1 - compensators.len() };
     (Tolerances { perturbations, compensators }, left_out)
 }
 
 /// Makes cameras from a finished one and scores them; `tick` is called after each. All cameras see the same pictures with the same noise.
 ///
-/// Where the image plane is a compensator, it is set where the spots are least and then moved as far from there as in the lens as drawn: a
-/// design may want its image plane elsewhere.
+/// Compensators are set where the spots are least and then moved as far from there as in the lens as drawn: a design may want them elsewhere.
 pub fn made_cameras(
     scorer: &Scorer,
     drawn: &Camera,
@@ -72,29 +102,25 @@ pub fn made_cameras(
     let lens = drawn.psfs().lens().ok_or(DesignError::NoLens)?;
     let merit = RmsSpot::new(lens);
     let study = Study::new(lens, tolerances, &merit)?;
-    let from_least_spots_mm = study.nominal().compensators.first().copied().unwrap_or(0.0);
 
     let [photographs, places] = scorer.setup().held_out_pictures()?;
     let chosen = spread_pictures(photographs, places, plan.pictures);
     let score = |camera: &Camera| scorer.means(camera, &|number| chosen.contains(&number));
 
-    let mut trials = Vec::with_capacity(plan.trials);
+    let (mut trials, mut unbuildable) = (Vec::with_capacity(plan.trials), 0);
     for number in 0..plan.trials as u64 {
-        let made = study.make(&study.draw(plan.seed, number));
-        let lens = made.map(|made| {
-            let image_mm = made.lens.image_distance_mm() - from_least_spots_mm;
-            made.lens.with_image_distance(image_mm)
-        });
+        let made = study.build_from_drawn(&study.draw(plan.seed, number));
+        unbuildable += usize::from(matches!(made, Err(Failure::CannotBeBuilt(_))));
         // A lens that brings no light to some part of the sensor is a failed camera.
         let assembled = |lens| {
             let made = drawn.with_lens(lens)?;
             Ok::<_, DesignError>(if plan.is_calibrated { made } else { made.taken_for(drawn) })
         };
-        let camera = lens.and_then(|lens| assembled(lens).ok());
+        let camera = made.ok().and_then(|lens| assembled(lens).ok());
         trials.push(camera.map(|camera| score(&camera)).transpose()?);
         tick();
     }
-    Ok(MadeCameras { drawn: score(drawn)?, trials })
+    Ok(MadeCameras { drawn: score(drawn)?, trials, unbuildable })
 }
 
 impl MadeCameras {
@@ -105,6 +131,7 @@ impl MadeCameras {
             let trial = |trial: &Option<BTreeMap<String, f64>>| Trial {
                 value: trial.as_ref().and_then(|scores| scores.get(&score.name).copied()),
                 compensators: Vec::new(),
+                can_be_built: true,
             };
             let better = if score.higher_is_better { Better::Higher } else { Better::Lower };
             let made = MonteCarlo { seed: 0, trials: self.trials.iter().map(trial).collect(), better };
@@ -120,6 +147,7 @@ impl MadeCameras {
             camera: camera.to_owned(),
             scores: scores.iter().filter_map(figures).collect(),
             trials: self.trials,
+            unbuildable: self.unbuildable,
         }
     }
 }
@@ -130,6 +158,7 @@ mod tests {
 
     use petzval_camera::sensor::{Noise, NoiseMode};
     use petzval_learn::Device;
+    use petzval_optics::tolerance::{Distribution, Freedom, Perturbation, Quantity};
 
     use super::*;
     use crate::camera::to_host;
@@ -174,10 +203,43 @@ mod tests {
     }
 
     #[test]
+    fn what_is_left_out_is_named_by_its_kind() {
+        let words = |tolerances, compensators| LeftOut { tolerances, compensators }.in_words();
+        assert_eq!(words(0, 0), None);
+        for (left_out, begins, ends) in [
+            ((2, 0), "2 tolerances are left out: ", "an upper bound"),
+            ((0, 1), "1 compensator is left out: ", "a lower bound"),
+            ((1, 2), "1 tolerance and 2 compensators are left out: ", "may be higher or lower with them"),
+        ] {
+            let text = words(left_out.0, left_out.1).unwrap();
+            assert!(text.starts_with(begins) && text.ends_with(ends), "{text}");
+        }
+    }
+
+    #[test]
+    fn what_keeps_the_symmetry_stays_and_the_kinds_are_counted_apart() {
+        let of = |quantity, surface| Freedom::of_surface(quantity, surface);
+        let off = |freedom| Perturbation { freedom, tolerance: 0.1, distribution: Distribution::Normal };
+        let tolerances = Tolerances {
+            perturbations: vec![off(of(Quantity::Thickness, 4)), off(of(Quantity::DecenterX, 0))],
+            compensators: vec![
+                (of(Quantity::Thickness, 6), None),
+                (of(Quantity::Thickness, 5), Some(0.5)),
+                (of(Quantity::TiltX, 5), Some(1.0)),
+                (of(Quantity::DecenterY, 5), Some(1.0)),
+            ],
+        };
+        let (kept, left_out) = symmetric(tolerances.clone());
+        assert_eq!(left_out, LeftOut { tolerances: 1, compensators: 2 });
+        assert_eq!(kept.perturbations, tolerances.perturbations[..1]);
+        assert_eq!(kept.compensators, tolerances.compensators[..2]);
+    }
+
+    #[test]
     fn figures_are_those_of_the_scores_and_a_failed_camera_reaches_nothing() {
         let scores = |value: f64| BTreeMap::from([("ssim".to_owned(), value)]);
         let made: Vec<_> = (1..=10).map(|i| Some(scores(0.1 * f64::from(i)))).chain([None]).collect();
-        let made = MadeCameras { drawn: scores(0.95), trials: made };
+        let made = MadeCameras { drawn: scores(0.95), trials: made, unbuildable: 1 };
         let score = |name: &str| ScoreDescription {
             name: name.into(),
             title: name.to_uppercase(),
@@ -187,6 +249,7 @@ mod tests {
             higher_is_better: true,
         };
         let row = made.row("a", &[score("ssim"), score("ap50_small")], &scores(0.75));
+        assert_eq!(row.unbuildable, 1);
         // In these pictures there was no small object to be found.
         assert_eq!(row.scores.len(), 1);
         let MadeFigures { drawn, mean, of_90_percent, share } = row.scores["ssim"];

@@ -62,6 +62,8 @@ pub struct ToleranceFile {
     pub entries: Vec<Perturbation>,
     /// The compensators, which are adjusted on every lens, with their travel to either side.
     pub compensators: Vec<(Freedom, Option<f64>)>,
+    /// Tolerances that are wider than the room between parts, each with its place in the file: some lenses cannot be built.
+    pub wide: Vec<FileError>,
 }
 
 impl ToleranceFile {
@@ -182,12 +184,12 @@ pub fn parse_tolerances(text: &str, lens: &Lens) -> Result<ToleranceFile, FileEr
     let reader = Reader { text, lens };
     let grade = file.grade.as_ref().map(|g| reader.grade(g)).transpose()?;
     let distribution = reader.distribution(file.distribution.as_ref())?.unwrap_or_default();
-    let mut entries: Vec<Perturbation> = Vec::new();
+    let (mut entries, mut wide) = (Vec::new(), Vec::new());
     for table in &file.tolerance {
-        reader.tolerance(table, distribution, &mut entries)?;
+        reader.tolerance(table, distribution, &mut entries, &mut wide)?;
     }
     let compensators = file.compensator.iter().map(|c| reader.compensator(c)).collect::<Result<_, _>>()?;
-    Ok(ToleranceFile { grade, distribution, entries, compensators })
+    Ok(ToleranceFile { grade, distribution, entries, compensators, wide })
 }
 
 struct Reader<'a> {
@@ -273,6 +275,7 @@ impl Reader<'_> {
         table: &Spanned<ToleranceText>,
         distribution: Distribution,
         entries: &mut Vec<Perturbation>,
+        wide: &mut Vec<FileError>,
     ) -> Result<(), FileError> {
         let t = table.get_ref();
         let (first, last) = self.place(t.surface.as_ref(), t.element.as_ref(), table.span())?;
@@ -326,6 +329,11 @@ impl Reader<'_> {
             if let Some(known) = entries.iter().find(|e| is_same(&e.freedom, &freedom)) {
                 let message = format!("{} has a tolerance already", known.freedom.name());
                 return Err(self.error(&key, value.span(), message).hint("keep one of the two"));
+            }
+            if let Some(room_mm) = freedom.room_mm(self.lens).filter(|room_mm| tolerance > *room_mm) {
+                let message =
+                    format!("wider than the {room_mm} mm that are there; some lenses cannot be built");
+                wide.push(self.error(&key, value.span(), message));
             }
             entries.push(Perturbation { freedom, tolerance, distribution });
         }

@@ -13,7 +13,7 @@ use petzval_design::experiment::{Experiment, PsfsBy};
 use petzval_design::inputs::{
     SetupFor, check_inputs, check_inputs_or_accepted, check_parts_or_accepted, setup_of_run,
 };
-use petzval_design::made_cameras::{MadeError, TrialPlan, made_cameras, symmetric};
+use petzval_design::made_cameras::{LeftOut, MadeError, TrialPlan, made_cameras, symmetric};
 use petzval_design::report::run_report::{camera_lens, read_metrics};
 use petzval_design::run::input_list::{check_pictures_are_there, pictures_of_run};
 use petzval_design::run::{CameraMetrics, DigestCheck, Kept, PictureScore, RunFolder, load_blocks};
@@ -35,7 +35,7 @@ use crate::design::{pictures_now, report_pictures, scorer};
 use crate::error::{JobError, Result};
 use crate::event::WarningKind;
 use crate::given_psfs;
-use crate::lens::tolerance::read as read_tolerances;
+use crate::lens::tolerance::{read as read_tolerances, warn_of_wide_tolerances};
 use crate::range::check_ranges;
 use crate::run_page::warn_of_changed_config;
 
@@ -161,7 +161,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         context.warning(WarningKind::ChangedFile, format!("{}: {change}", request.run.display()));
     }
     check.check_cameras(kept.rows.iter().map(|row| row.camera.as_str()))?;
-    let designs = request.made.as_ref().map(|made| made.designs(&kept, &folder)).transpose()?;
+    let designs = request.made.as_ref().map(|made| made.designs(&kept, &folder, context)).transpose()?;
     warn_of_changed_config(&folder, context)?;
     let mut experiment = context.assets.experiment_of_run(&folder)?;
     let key = context.assets.facts_of(&experiment)?.pictures;
@@ -400,8 +400,8 @@ pub(crate) fn camera_of(setup: &Setup, folder: &RunFolder, name: &str) -> Result
 struct DesignToMake {
     camera: String,
     tolerances: Tolerances,
-    /// Tolerances that are left out, because a lens that is off by them has no symmetry.
-    left_out: usize,
+    /// What is left out, because a lens that is off by it has no symmetry.
+    left_out: LeftOut,
 }
 
 /// Makes cameras from every design, and writes their figures into the run's folder and its report.
@@ -448,20 +448,27 @@ fn make(
                 ));
             }
         }
+        if found.unbuildable > 0 {
+            context.warning(
+                WarningKind::LensFile,
+                format!(
+                    "{name}: {} of {trials} lenses cannot be built, and count as failed",
+                    found.unbuildable
+                ),
+            );
+        }
         rows.push(found.row(name, &scores, &limits));
     }
-    let left_out = designs.last().map_or(0, |design| design.left_out);
-    if left_out > 0 {
-        context.warning(WarningKind::LeftOut, format!(
-            "{left_out} of the tolerances are left out, decentres and tilts among them: with them a lens has no symmetry, and its pictures \
-             cannot be rendered; the yield is an upper bound"
-        ));
+    let left_out = designs.last().map_or_else(LeftOut::default, |design| design.left_out);
+    if let Some(text) = left_out.in_words() {
+        context.warning(WarningKind::LeftOut, text);
     }
     let found = MadeMetrics {
         tolerances: made.tolerances.to_string(),
         is_refocused: made.compensate == Compensate::Focus,
         is_calibrated: calibrate,
-        left_out,
+        left_out: left_out.tolerances,
+        compensators_left_out: left_out.compensators,
         seed: made.seed,
         trials: made.trials,
         pictures: made.pictures.min(metrics.held_out_images * metrics.held_out_places),
@@ -476,11 +483,14 @@ fn make(
 
 impl Made {
     /// The designs whose lenses can be made; a lens without aberrations cannot.
-    fn designs(&self, metrics: &Metrics, folder: &RunFolder) -> Result<Vec<DesignToMake>> {
+    fn designs(&self, metrics: &Metrics, folder: &RunFolder, context: &Context) -> Result<Vec<DesignToMake>> {
         let mut designs = Vec::new();
         for row in metrics.rows.iter().filter(|row| !row.is_ceiling) {
             let lens = camera_lens(folder, &row.camera)?.lens;
-            let (tolerances, left_out) = symmetric(self.of_lens(&lens)?, &lens);
+            let file = self.of_lens(&lens)?;
+            let (tolerances, left_out) =
+                symmetric(file.tolerances(&lens, self.compensate == Compensate::Focus));
+            warn_of_wide_tolerances(&row.camera, &lens, (self.path(), &file), &tolerances, context);
             if tolerances.perturbations.is_empty() {
                 let message = "nothing is off: there is no tolerance with which the lens keeps its symmetry";
                 let hint = "name a grade, or radii, thicknesses or glasses in the file";
@@ -491,14 +501,21 @@ impl Made {
         Ok(designs)
     }
 
-    fn of_lens(&self, lens: &Lens) -> Result<Tolerances> {
-        let file = match &self.tolerances {
+    fn of_lens(&self, lens: &Lens) -> Result<ToleranceFile> {
+        match &self.tolerances {
             LensTolerances::Grade(grade) => {
-                ToleranceFile { grade: Some((*grade).into()), ..ToleranceFile::default() }
+                Ok(ToleranceFile { grade: Some((*grade).into()), ..ToleranceFile::default() })
             }
-            LensTolerances::File(path) => read_tolerances(path, lens)?,
-        };
-        Ok(file.tolerances(lens, self.compensate == Compensate::Focus))
+            LensTolerances::File(path) => read_tolerances(path, lens),
+        }
+    }
+
+    /// The tolerance file; `None` of a grade.
+    fn path(&self) -> Option<&Path> {
+        match &self.tolerances {
+            LensTolerances::Grade(_) => None,
+            LensTolerances::File(path) => Some(path),
+        }
     }
 }
 

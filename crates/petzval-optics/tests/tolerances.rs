@@ -5,7 +5,7 @@ mod common;
 
 use common::{nominal_triplet, special_lenses};
 use petzval_files::{parse_tolerances, write_tolerances};
-use petzval_optics::lens::{Lens, ObjectDistance, Placement, Surface, SurfaceShape};
+use petzval_optics::lens::{Lens, ObjectDistance, Placement, Surface, SurfaceShape, validate};
 use petzval_optics::merit::{Better, FieldSet, Merit, Mtf, RmsSpot, RmsWavefront};
 use petzval_optics::number::Number;
 use petzval_optics::paraxial::first_order;
@@ -13,8 +13,8 @@ use petzval_optics::psf::PsfKind;
 use petzval_optics::pupil::Quadrature;
 use petzval_optics::spot::mean_square_spot_traced;
 use petzval_optics::tolerance::{
-    Distribution, Freedom, Grade, Perturbation, Quantity, RigidMotion, Study, ToleranceError, Tolerances,
-    default_tolerances, draw, elements, inverse, monte_carlo, moved_rigidly, sensitivities,
+    Distribution, Failure, Freedom, Grade, Perturbation, Quantity, RigidMotion, Study, ToleranceError,
+    Tolerances, default_tolerances, draw, elements, inverse, monte_carlo, moved_rigidly, sensitivities,
 };
 use petzval_optics::trace::{Ray, trace_ray};
 
@@ -666,9 +666,71 @@ fn lenses_without_an_image_count_as_failed() {
     assert!(found.failed() > 0 && found.failed() < 40, "{}", found.failed());
     assert_eq!(found.percentile(100.0), None);
     assert!(found.yield_at(1e9) < 1.0);
-    assert!(found.trials[found.worst(1)[0]].value.is_none());
+    // A radius that ends within its clear aperture is no lens of the maker, not even the worst.
+    assert!(found.unbuildable() > 0 && found.trials[found.worst(1)[0]].can_be_built);
     assert!(table.estimate.is_none());
     assert!(table.rows[0].worst_loss(Better::Lower, table.nominal).is_infinite());
+}
+
+/// The seed draws glass thinner than nothing for some lenses. Those fail, and the others are what they are without the check.
+#[test]
+fn lenses_that_cannot_be_built_count_as_failed_and_leave_others_alone() {
+    let lens = nominal_triplet();
+    let thick =
+        Perturbation { distribution: Distribution::Uniform, ..of_surface(Quantity::Thickness, 0, 5.0) };
+    let tolerances = Tolerances { perturbations: vec![thick], compensators: focus(&lens) };
+    let merit = RmsSpot::new(&lens);
+    let study = Study::new(&lens, &tolerances, &merit).unwrap();
+    let found = monte_carlo(&study, 1, 60, &|| Ok(())).unwrap();
+    assert!(found.unbuildable() > 0 && found.failed() < 60, "{}", found.unbuildable());
+    for (number, trial) in found.trials.iter().enumerate() {
+        let Some(made) = study.make(&study.draw(1, number as u64)) else { continue };
+        assert_eq!(trial.can_be_built, validate(&made.lens).is_ok(), "lens {number}");
+        assert_eq!(trial.value, trial.can_be_built.then_some(made.value), "lens {number}");
+    }
+    let table = sensitivities(&study, &|| Ok(())).unwrap();
+    assert!(table.estimate.is_none());
+    let [_, minus] = &table.rows[0].failures;
+    assert!(matches!(minus, Some(Failure::CannotBeBuilt(_))), "{minus:?}");
+}
+
+/// The air behind surface 4 and 10 mm more, mm: best where parts have passed through each other.
+struct LittleAir;
+
+impl Merit for LittleAir {
+    fn name(&self) -> String {
+        "air".to_owned()
+    }
+
+    fn unit(&self) -> &str {
+        "mm"
+    }
+
+    fn better(&self) -> Better {
+        Better::Lower
+    }
+
+    fn value(&self, lens: &Lens) -> Option<f64> {
+        Some(lens.surfaces[3].thickness_mm + 10.0)
+    }
+}
+
+#[test]
+fn a_compensator_stops_where_parts_touch() {
+    let lens = nominal_triplet();
+    let tolerances = Tolerances {
+        perturbations: vec![of_surface(Quantity::Thickness, 4, 0.1)],
+        compensators: vec![(Freedom::of_surface(Quantity::Thickness, 3), None)],
+    };
+    let study = Study::new(&lens, &tolerances, &LittleAir).unwrap();
+    for off in [-0.1, 0.0, 0.1] {
+        assert!(validate(&study.make(&[off]).unwrap().lens).is_err());
+        let made = study.build(&[off]).unwrap().lens;
+        validate(&made).unwrap();
+        // The stop between the two elements is no part.
+        let air_mm = made.gap_behind_mm(3);
+        assert!((0.0..0.2).contains(&air_mm), "{air_mm}");
+    }
 }
 
 const FILE: &str = r#"grade = "high"

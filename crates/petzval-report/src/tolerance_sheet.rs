@@ -55,8 +55,10 @@ pub struct ToleranceRow {
     pub unit: String,
     /// Distribution of the errors, in a word.
     pub distribution: String,
-    /// Merit at minus and at plus the tolerance, compensators adjusted; `None` without an image.
+    /// Merit at minus and at plus the tolerance, compensators adjusted; `None` without an image, or if that lens cannot be built.
     pub merit_at: [Option<f64>; 2],
+    /// Whether the lens at minus, and that at plus the tolerance cannot be built.
+    pub is_unbuildable: [bool; 2],
     /// The tolerance that costs an even share of a given loss, and whether even a far wider one costs less.
     pub even_share: Option<(f64, bool)>,
 }
@@ -79,11 +81,13 @@ pub struct RandomLenses {
     pub seed: u64,
     /// How many were made.
     pub trials: usize,
+    /// How many of them cannot be built.
+    pub unbuildable: usize,
     /// Merits of those that have an image, from the best to the worst.
     pub merits: Vec<f64>,
     /// Their mean and standard deviation; NaN where unknown.
     pub mean_and_deviation: [f64; 2],
-    /// Percentages of all lenses, and the merit that they reach; `None` if too many have no image.
+    /// Percentages of all lenses, and the merit that they reach; `None` if too many have none.
     pub percentiles: Vec<(f64, Option<f64>)>,
     /// A merit that lenses have to reach, and the share of all lenses that do, 0..1.
     pub limit: Option<(f64, f64)>,
@@ -335,7 +339,7 @@ fn summary(sheet: &ToleranceSheet) -> Markup {
             " " (adjusted)
         }
         @if sheet.estimate.is_none() && !sheet.rows.is_empty() {
-            p { "There is no estimate from the single effects: a lens at the end of a tolerance has no image." }
+            p { "There is no estimate from the single effects: a lens at the end of a tolerance has no image or cannot be built." }
         }
         (facts([
             ("as drawn", value(sheet.nominal)),
@@ -344,7 +348,8 @@ fn summary(sheet: &ToleranceSheet) -> Markup {
             ("mean, estimated from single effects", estimate.and_then(|e| value(e.mean))),
             ("standard deviation, estimated", estimate.and_then(|e| value(e.standard_deviation))),
             ("lenses made at random", random.map(|r| r.trials.to_string())),
-            ("of these without an image", random.map(|r| (r.trials - r.merits.len()).to_string())),
+            ("of these without an image", random.map(|r| (r.trials - r.merits.len() - r.unbuildable).to_string())),
+            ("of these cannot be built", random.map(|r| r.unbuildable.to_string())),
             ("mean of the others", of_random(0)),
             ("standard deviation of the others", of_random(1)),
             ("limit", random.and_then(|r| value(r.limit?.0))),
@@ -379,12 +384,12 @@ fn distribution(sheet: &ToleranceSheet, random: &RandomLenses) -> Markup {
         .rows(random.travels.iter().map(travel));
     html! {
         @if random.merits.is_empty() {
-            p { "None of the lenses has an image." }
+            p { "None of the lenses can be built and has an image." }
         } @else {
             (figure(&histogram_svg(sheet, random)))
             (caption("How many of the lenses have which merit."))
             (figure(&yield_svg(sheet, random)))
-            (caption("The share of all lenses whose merit is at least as good. Lenses without an image count as failed."))
+            (caption("The share of all lenses whose merit is at least as good. Lenses without an image, and those that cannot be built, count as failed."))
             (percentiles.html())
         }
         @if !random.travels.is_empty() {
@@ -411,15 +416,18 @@ fn effects(sheet: &ToleranceSheet) -> Markup {
         columns.push(Column::new("for an even share").unit("±"));
     }
     let row = |row: &ToleranceRow| {
-        let change = |merit: Option<f64>| merit.map_or("no image".into(), |m| sheet.value(m));
+        let change = |end: usize| {
+            let none = if row.is_unbuildable[end] { "not buildable" } else { "no image" };
+            row.merit_at[end].map_or(none.into(), |m| sheet.value(m))
+        };
         let [minus, plus] = row.merit_at.map(|merit| sheet.loss(merit));
         let worst = minus.max(plus);
         let mut cells = vec![
             three_digits(row.tolerance),
             number::unit(&row.unit),
             row.distribution.clone(),
-            change(row.merit_at[0]),
-            change(row.merit_at[1]),
+            change(0),
+            change(1),
             if worst.is_finite() {
                 number::signed(worst, if sheet.unit.is_empty() { 4 } else { 3 })
             } else {
@@ -446,7 +454,7 @@ fn effects(sheet: &ToleranceSheet) -> Markup {
             }
         }
         @if has_shares {
-            (caption("Even share: the tolerance with which every quantity contributes alike to the required loss; > where even a far wider one costs less."))
+            (caption("Even share: the tolerance with which every quantity costs the required loss over the root of their number, so that all cost it as a root sum square; > where even a far wider one costs less."))
         }
     }
 }
@@ -503,6 +511,7 @@ mod tests {
             unit: "mm".into(),
             distribution: "uniform".into(),
             merit_at,
+            is_unbuildable: [name == "air", false],
             even_share: None,
         };
         let merits: Vec<f64> = (0..100).map(|i| 13.005 + 0.01 * f64::from(i)).collect();
@@ -512,10 +521,15 @@ mod tests {
             unit: "um".into(),
             nominal: 13.1,
             compensators: vec!["image distance".into()],
-            rows: vec![row("surface 1 thickness", [Some(13.0), Some(13.6)]), row("tilt", [None, Some(13.2)])],
+            rows: vec![
+                row("surface 1 thickness", [Some(13.0), Some(13.6)]),
+                row("tilt", [None, Some(13.2)]),
+                row("air", [None, Some(13.2)]),
+            ],
             random: Some(RandomLenses {
                 seed: 7,
-                trials: 104,
+                trials: 106,
+                unbuildable: 2,
                 merits,
                 mean_and_deviation: [13.495, 0.29],
                 percentiles: vec![(50.0, Some(13.5)), (90.0, Some(13.9)), (99.0, None)],
@@ -541,6 +555,8 @@ mod tests {
             "The limit of 13.400 µm is reached by 39 % of them.",
             "The most expensive tolerance is surface 1 thickness, ±0.05 mm.",
             "<dt>of these without an image</dt><dd>4</dd>",
+            "<dt>of these cannot be built</dt><dd>2</dd>",
+            "not buildable",
             // 0.29 of 100 lenses: means are known to 0.029.
             "<dt>mean of the others</dt><dd>13.49 µm</dd>",
             "<dt>standard deviation of the others</dt><dd>0.29 µm</dd>",

@@ -19,6 +19,7 @@ use crate::experiment::{BlockName, DetectorInput, LensGoal, SameOf, Variant};
 use crate::lens::numbers::{full_name, surface_name, unit_of};
 use crate::lens::psf_plan::PsfPlan;
 use crate::lens::view;
+use crate::made_cameras::LeftOut;
 use crate::report::attribution::attribution;
 use crate::report::pictures::{frames, held_out, in_order, pictures};
 use crate::run::{
@@ -343,14 +344,8 @@ fn made_view(scores: &[ScoreDescription], made: MadeMetrics) -> MadeCameras {
     } else {
         "None is calibrated: development corrects shading and blur by the lens as drawn."
     };
-    let left_out = match made.left_out {
-        0 => String::new(),
-        n => format!(
-            " {} left out, decentres and tilts among them: the camera would lose its symmetry, and the yield is an upper \
-             bound.",
-            if n == 1 { "1 tolerance is".to_owned() } else { format!("{n} tolerances are") }
-        ),
-    };
+    let left_out = LeftOut { tolerances: made.left_out, compensators: made.compensators_left_out };
+    let left_out = left_out.in_words().map_or_else(String::new, |words| format!(" {words}."));
     let conditions = format!(
         "{} of each design with lenses made at random by their tolerances ({}){focus}, with the network or ISP that was designed for \
          the lens as drawn. {knowledge} Means over {}, for the camera as drawn too, so that they differ from those above. The limit is \

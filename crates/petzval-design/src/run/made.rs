@@ -21,6 +21,9 @@ pub struct MadeMetrics {
     pub is_calibrated: bool,
     /// How many tolerances were left out, because the lens would lose its symmetry.
     pub left_out: usize,
+    /// How many compensators were left out for the same reason.
+    #[serde(default)]
+    pub compensators_left_out: usize,
     /// Seed of the random lenses.
     pub seed: u64,
     /// Cameras of each design.
@@ -47,8 +50,11 @@ pub struct MadeRow {
     pub camera: String,
     /// Each of [`MadeMetrics::scores`].
     pub scores: BTreeMap<String, MadeFigures>,
-    /// The scores of each camera; none for one without an image.
+    /// The scores of each camera; none for one without an image, or whose lens cannot be built.
     pub trials: Vec<Option<BTreeMap<String, f64>>>,
+    /// How many lenses cannot be built.
+    #[serde(default)]
+    pub unbuildable: usize,
 }
 
 /// A score of random cameras of one design.

@@ -159,6 +159,33 @@ fn a_random_lens_is_listed_and_made_again() {
     assert_eq!(tolerance::run(&unlisted, &context()).unwrap().trials, None);
 }
 
+#[test]
+fn lenses_that_cannot_be_built_are_the_same_in_parts() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("thick.toml");
+    let text = "distribution = \"uniform\"\n\n[[tolerance]]\nsurface = 1\nthickness_mm = 8.0\n";
+    std::fs::write(&file, text).unwrap();
+    let whole = tolerance::Request {
+        tolerances: Some(file),
+        grade: None,
+        trials: 12,
+        list_trials: false,
+        out: None,
+        ..tolerance_request(folder.path())
+    };
+    let found = tolerance::run(&whole, &context()).unwrap();
+    let random = found.report.monte_carlo.as_ref().unwrap();
+    assert!(
+        random.unbuildable > 0 && random.unbuildable <= random.failed && random.failed < 12,
+        "{random:?}"
+    );
+    let parts = [(0, 5), (5, 12)].map(|(from, to)| {
+        let part = Some(tolerance::Part { from, to });
+        tolerance::run(&tolerance::Request { part, ..whole.clone() }, &context()).unwrap()
+    });
+    assert_eq!(tolerance::join(&whole, &parts, &context()).unwrap(), found);
+}
+
 /// Keeps the last progress, and cancels the job at some unit of its work.
 struct Canceller {
     at: u64,

@@ -171,6 +171,23 @@ impl Freedom {
         }
     }
 
+    /// Room on the axis before parts touch, mm: of a thickness the distance itself, of a shift the smaller one on either side. Planes without
+    /// effect are no parts. `None` for other quantities, and in front of the first part.
+    pub fn room_mm(&self, lens: &Lens) -> Option<f64> {
+        let gap_mm = |surface: usize| {
+            let from = (0..=surface).rev().find(|i| !lens.is_idle_plane(*i))?;
+            Some(lens.gap_behind_mm(from).abs())
+        };
+        match self.quantity {
+            Quantity::Thickness => gap_mm(self.first),
+            Quantity::Shift => {
+                let in_front = self.first.checked_sub(1).and_then(gap_mm);
+                in_front.into_iter().chain(gap_mm(self.last)).reduce(f64::min)
+            }
+            _ => None,
+        }
+    }
+
     /// Its name, surfaces counted from 1: `surface 3 radius`, `surfaces 1-2 tilt x`.
     pub fn name(&self) -> String {
         let quantity = self.quantity;

@@ -55,7 +55,8 @@ pub fn inverse(
             let end = |sign: f64| {
                 let mut off = vec![0.0; perturbations.len()];
                 off[i] = sign * tolerance;
-                let made = study.make(&off);
+                // A lens that cannot be built, or has no image, has lost all.
+                let made = study.build(&off);
                 made.map_or(f64::INFINITY, |m| study.better().loss(m.value, study.nominal().value))
             };
             end(1.0).max(end(-1.0)) - share

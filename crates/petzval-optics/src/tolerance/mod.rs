@@ -10,6 +10,8 @@
 //!
 //! The stop is a piece of metal: it keeps its diameter, and the entrance pupil follows from it.
 //!
+//! A lens whose parts would run into each other [cannot be built](Failure): it counts as failed, as one without an image does.
+//!
 //! # First and second order
 //!
 //! Errors that keep the symmetry of a lens (radii, thicknesses, indices) change the merit to first order. Its spread is
@@ -28,14 +30,27 @@ mod perturbation;
 mod sensitivity;
 mod study;
 
+use crate::lens::LensDefect;
+
 pub use freedom::{ARCMIN_PER_RAD, FRINGE_UM, Freedom, Quantity, elements};
 pub use grade::{Grade, default_tolerances};
 pub use inverse::{Shared, inverse};
-pub use monte_carlo::{MonteCarlo, PERCENTILES, Trial, monte_carlo};
+pub use monte_carlo::{MonteCarlo, PERCENTILES, Trial, monte_carlo, trial};
 pub use motion::{RigidMotion, moved_rigidly};
 pub use perturbation::{Distribution, Perturbation, draw};
 pub use sensitivity::{Estimate, Sensitivities, Sensitivity, sensitivities};
 pub use study::{Made, Study, Tolerances};
+
+/// Why a lens with errors counts as failed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Failure {
+    /// Some field brings no light to the image.
+    #[error("this lens brings no image")]
+    NoImage,
+    /// Its parts do not fit together.
+    #[error("this lens cannot be built: {0}")]
+    CannotBeBuilt(LensDefect),
+}
 
 /// Tolerances that a lens cannot have. Surfaces are counted from 1.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

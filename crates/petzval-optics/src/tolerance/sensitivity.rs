@@ -14,7 +14,7 @@
 use petzval_base::Cancelled;
 use rayon::prelude::*;
 
-use super::{Made, Study};
+use super::{Failure, Made, Study};
 use crate::merit::Better;
 
 /// One row of the table.
@@ -24,16 +24,18 @@ pub struct Sensitivity {
     pub perturbation: usize,
     /// Derivative of the merit per unit of the quantity, compensators following.
     pub derivative: f64,
-    /// The merit with the quantity at plus its tolerance, compensators set; `None` if that lens brings no image.
+    /// The merit with the quantity at plus its tolerance, compensators set; `None` if that lens brings no image or cannot be built.
     pub at_plus: Option<f64>,
     /// The same at minus its tolerance.
     pub at_minus: Option<f64>,
     /// Where the compensators stand then.
     pub compensators: [Vec<f64>; 2],
+    /// Why the lens at plus, and that at minus the tolerance has no merit; `None` where it has one.
+    pub failures: [Option<Failure>; 2],
 }
 
 impl Sensitivity {
-    /// How much worse the merit is at the worse end of the tolerance; infinite if there is no image.
+    /// How much worse the merit is at the worse end of the tolerance; infinite if a lens has none.
     pub fn worst_loss(&self, better: Better, nominal: f64) -> f64 {
         let loss = |value: Option<f64>| value.map_or(f64::INFINITY, |v| better.loss(v, nominal));
         loss(self.at_plus).max(loss(self.at_minus))
@@ -62,7 +64,7 @@ pub struct Sensitivities {
     pub nominal: f64,
     /// Rows, in the order of the perturbations.
     pub rows: Vec<Sensitivity>,
-    /// All of them together; `None` if a lens at a tolerance brings no image.
+    /// All of them together; `None` if a lens at a tolerance brings no image or cannot be built.
     pub estimate: Option<Estimate>,
 }
 
@@ -73,27 +75,28 @@ pub fn sensitivities(
 ) -> Result<Sensitivities, Cancelled> {
     let perturbations = &study.tolerances().perturbations;
     let derivatives = study.nominal_derivatives();
-    let ends: Vec<[Option<End>; 2]> = (0..perturbations.len())
+    let ends: Vec<[Result<End, Failure>; 2]> = (0..perturbations.len())
         .into_par_iter()
         .map(|i| {
-            let end = |sign: f64| {
+            let end = |sign: f64| -> Result<End, Failure> {
                 let mut off = vec![0.0; perturbations.len()];
                 off[i] = sign * perturbations[i].tolerance;
-                let made = study.make(&off)?;
-                Some(End { derivatives: study.derivatives(&off, &made), made })
+                let made = study.build(&off)?;
+                Ok(End { derivatives: study.derivatives(&off, &made), made })
             };
             let both = [end(1.0), end(-1.0)];
             progress()?;
             Ok(both)
         })
         .collect::<Result<_, Cancelled>>()?;
-    let row = |(i, [plus, minus]): (usize, &[Option<End>; 2])| Sensitivity {
+    let row = |(i, [plus, minus]): (usize, &[Result<End, Failure>; 2])| Sensitivity {
         perturbation: i,
         derivative: derivatives[i],
-        at_plus: plus.as_ref().map(|e| e.made.value),
-        at_minus: minus.as_ref().map(|e| e.made.value),
+        at_plus: plus.as_ref().ok().map(|e| e.made.value),
+        at_minus: minus.as_ref().ok().map(|e| e.made.value),
         compensators: [plus, minus]
-            .map(|e| e.as_ref().map_or_else(Vec::new, |e| e.made.compensators.clone())),
+            .map(|e| e.as_ref().map_or_else(|_| Vec::new(), |e| e.made.compensators.clone())),
+        failures: [plus, minus].map(|e| e.as_ref().err().cloned()),
     };
     Ok(Sensitivities {
         nominal: study.nominal().value,
@@ -108,7 +111,7 @@ struct End {
     derivatives: Vec<Option<f64>>,
 }
 
-fn estimate(study: &Study, derivatives: &[f64], ends: &[[Option<End>; 2]]) -> Option<Estimate> {
+fn estimate(study: &Study, derivatives: &[f64], ends: &[[Result<End, Failure>; 2]]) -> Option<Estimate> {
     let (better, nominal) = (study.better(), study.nominal().value);
     let perturbations = &study.tolerances().perturbations;
     let at = better.cost(nominal);
@@ -116,7 +119,7 @@ fn estimate(study: &Study, derivatives: &[f64], ends: &[[Option<End>; 2]]) -> Op
     // Derivatives of the cost at both ends, over the tolerance: the rows of the Hessian.
     let mut rows: Vec<Vec<Option<f64>>> = Vec::with_capacity(ends.len());
     for ((p, by), ends) in perturbations.iter().zip(derivatives).zip(ends) {
-        let [Some(plus), Some(minus)] = ends else { return None };
+        let [Ok(plus), Ok(minus)] = ends else { return None };
         let (tolerance, m2) = (p.tolerance, p.sigma().powi(2));
         let m4 = p.distribution.fourth_moment() * tolerance.powi(4);
         let (up, down) = (better.cost(plus.made.value), better.cost(minus.made.value));

@@ -4,9 +4,9 @@ use nalgebra::{DMatrix, DVector};
 
 use super::compensator::{Cost, least};
 use super::made::{self, Off, active, at_fixed_stop, derivative, drawn};
-use super::{Freedom, Perturbation, ToleranceError, draw};
+use super::{Failure, Freedom, Perturbation, ToleranceError, draw};
 use crate::gradient::LensGradient;
-use crate::lens::Lens;
+use crate::lens::{Lens, LensDefect, validate};
 use crate::merit::{Better, Merit};
 use crate::paraxial::first_order;
 
@@ -103,7 +103,8 @@ impl<'a> Study<'a> {
         // The Hessian at a far start may be far off, so that of the best place is taken afterwards.
         for _ in 0..2 {
             study.learn_compensators()?;
-            study.nominal = study.make(&still).ok_or(ToleranceError::NoMerit)?;
+            let nominal = study.build(&still).ok().or_else(|| study.make(&still));
+            study.nominal = nominal.ok_or(ToleranceError::NoMerit)?;
         }
         Ok(study)
     }
@@ -133,29 +134,62 @@ impl<'a> Study<'a> {
         draw(&self.tolerances.perturbations, seed, trial)
     }
 
-    /// The lens with every perturbation set to its value in `off`, in the order of the tolerances; `None` if it forms no image.
+    /// The lens with every perturbation set to its value in `off`, in the order of the tolerances; `None` if it forms no image. Its parts may
+    /// run into each other: see [`Study::build`].
     pub fn make(&self, off: &[f64]) -> Option<Made> {
+        self.compensated(off, &|_| true)
+    }
+
+    /// [`Study::make`] of a lens that can be built, by the check of [`validate`]. Fails with the reason if it cannot, or forms no image.
+    ///
+    /// Where the best place of the compensators would push parts into each other, they stay where these still fit.
+    pub fn build(&self, off: &[f64]) -> Result<Made, Failure> {
+        let Some(made) = self.make(off) else {
+            let lens = self.lens(&self.off(off, &self.nominal.compensators));
+            return Err(defect(&lens).map_or(Failure::NoImage, Failure::CannotBeBuilt));
+        };
+        let Some(found) = defect(&made.lens) else { return Ok(made) };
+        self.compensated(off, &|lens| defect(lens).is_none()).ok_or(Failure::CannotBeBuilt(found))
+    }
+
+    /// [`Study::build`] with compensators that begin where the lens as drawn has them: they move by as much as errors move their best places. Without
+    /// errors it is the lens as drawn. Travels are kept.
+    pub fn build_from_drawn(&self, off: &[f64]) -> Result<Lens, Failure> {
+        let made = self.build(off)?;
+        let moved = made.compensators.iter().zip(&self.nominal.compensators).zip(&self.limits);
+        let within = |((at, nominal), limit): ((&f64, &f64), &Option<f64>)| {
+            limit.map_or(at - nominal, |limit| (at - nominal).clamp(-limit, limit))
+        };
+        let lens = self.lens(&self.off(off, &moved.map(within).collect::<Vec<_>>()));
+        defect(&lens).map_or(Ok(lens), |found| Err(Failure::CannotBeBuilt(found)))
+    }
+
+    /// The lens off by `off` with its compensators where the merit is best among lenses that are `allowed`; `None` if none of them forms an image.
+    fn compensated(&self, off: &[f64], allowed: &dyn Fn(&Lens) -> bool) -> Option<Made> {
         let perturbed = off.len();
         // To first order the compensators follow like this.
         let follows = &self.follow * DVector::from_column_slice(off);
         let start: Vec<f64> =
             self.nominal.compensators.iter().zip(follows.iter()).map(|(at, moved)| at + moved).collect();
         let mut cost = |compensators: &[f64]| {
-            let made = self.look(off, compensators)?;
+            let made = self.look(off, compensators, allowed)?;
             let by = (perturbed..self.freedoms.len())
                 .map(|k| self.by_compensator(off, &made, k))
                 .collect::<Option<_>>()?;
             Some(Cost { value: self.better().cost(made.value), by, note: made })
         };
-        // Where the first guess brings no light, the nominal place may.
-        let least = least(&mut cost, &start, &self.hessian, &self.limits)
-            .or_else(|| least(&mut cost, &self.nominal.compensators, &self.hessian, &self.limits))?;
+        // Where the first guess brings no light, the nominal place may, or that of the drawing.
+        let starts = [start, self.nominal.compensators.clone(), vec![0.0; self.limits.len()]];
+        let least = starts.iter().find_map(|at| least(&mut cost, at, &self.hessian, &self.limits))?;
         Some(least.cost.note)
     }
 
-    /// The lens with compensators at given places.
-    fn look(&self, off: &[f64], compensators: &[f64]) -> Option<Made> {
+    /// The lens with compensators at given places; `None` if it is not `allowed` or forms no image.
+    fn look(&self, off: &[f64], compensators: &[f64], allowed: &dyn Fn(&Lens) -> bool) -> Option<Made> {
         let lens = self.lens(&self.off(off, compensators));
+        if !allowed(&lens) {
+            return None;
+        }
         let (value, gradient) = self.merit.with_gradient(&lens)?;
         let gradient = gradient.map(|g| at_fixed_stop(&lens, g));
         value.is_finite().then(|| Made { lens, value, compensators: compensators.to_vec(), gradient })
@@ -225,7 +259,7 @@ impl<'a> Study<'a> {
             let at = |moved: f64| {
                 let mut compensators = self.nominal.compensators.clone();
                 compensators[c] += moved;
-                let made = self.look(&still, &compensators)?;
+                let made = self.look(&still, &compensators, &|_| true)?;
                 let per = self.better().slope(made.value);
                 let by = self.derivatives(&still, &made).into_iter().map(|by| by.map_or(0.0, |by| per * by));
                 let count = self.freedoms.len();
@@ -251,4 +285,18 @@ impl<'a> Study<'a> {
         self.hessian = hessian;
         Ok(())
     }
+}
+
+/// How small a surface without an edge of its own may become, as a share of its clear semi-diameter, so that a lens can be built.
+const NARROWEST: f64 = 0.15;
+
+/// Why a lens with errors cannot be built. The sizes of surfaces without an edge are no parts: such surfaces may be smaller, as they are when a
+/// lens file is read.
+fn defect(lens: &Lens) -> Option<LensDefect> {
+    let found = validate(lens).err()?;
+    let mut narrow = lens.clone();
+    for (_, surface) in narrow.surfaces.iter_mut().enumerate().filter(|(i, s)| s.is_open && *i != lens.stop) {
+        surface.semi_diameter_mm *= NARROWEST;
+    }
+    if narrow == *lens { Some(found) } else { validate(&narrow).err() }
 }

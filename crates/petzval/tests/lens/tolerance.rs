@@ -143,11 +143,45 @@ fn contrast_inverse_tolerances_and_other_compensators() {
     let set = found["monte_carlo"]["compensators"].as_array().unwrap();
     assert_eq!(set.len(), 2);
     assert!(number(&set[1]["least"]) >= -0.2 && number(&set[1]["greatest"]) <= 0.2);
+    // A number as wide as its column stands apart from the one before.
+    std::fs::write(
+        folder.path().join("one.toml"),
+        "[[tolerance]]\nsurface = 7\nirregularity_fringes = 0.5\n",
+    )
+    .unwrap();
+    let one =
+        ["lens", "tolerance", LENS, "--tolerances", "one.toml", "--trials", "0", "--inverse", "0.000001"];
+    let row = run_ok(folder.path(), &one).stdout;
+    let row: Vec<&str> =
+        row.lines().find(|line| line.starts_with("surface 7")).unwrap().split_whitespace().collect();
+    assert_eq!((row.len(), row.last()), (10, Some(&"fringes")), "{row:?}");
     // No compensators and no random lenses.
     let still = ["lens", "tolerance", LENS, "--compensate", "none", "--trials", "0", "--json"];
     let found = run_ok(folder.path(), &still).json();
     assert_eq!(found["monte_carlo"], Value::Null);
     assert!(found["sensitivities"].as_array().unwrap().iter().any(|r| r["name"] == "surface 7 thickness"));
+}
+
+#[test]
+fn lenses_that_cannot_be_built_are_counted_and_their_tolerance_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "distribution = \"uniform\"\n\n[[tolerance]]\nsurface = 1\nthickness_mm = 8.0\n";
+    std::fs::write(folder.path().join("thick.toml"), text).unwrap();
+    let args = ["lens", "tolerance", LENS, "--tolerances", "thick.toml", "--trials", "12", "--worst", "12"];
+    let said = run_ok(folder.path(), &[&args[..], &["--out", "made"]].concat());
+    assert!(said.says("thick.toml:5: `thickness_mm = 8.0`: wider than the 4.014 mm"), "{}", said.stderr);
+    for words in ["cannot be built", "not built", "no estimate"] {
+        assert!(said.stdout.contains(words), "{words}: {}", said.stdout);
+    }
+    // Each of the worst lenses with a merit is written, and can be read.
+    let figures = read_json(&folder.path().join("made/tolerance.json"));
+    let random = &figures["monte_carlo"];
+    let worst = random["worst"].as_array().unwrap();
+    assert_eq!(worst.len() as u64, 12 - random["unbuildable"].as_u64().unwrap());
+    for lens in worst.iter().filter(|lens| !lens["merit"].is_null()) {
+        let name = format!("made/lens-{:05}.toml", lens["trial"].as_u64().unwrap());
+        run_ok(folder.path(), &["lens", "show", &name]);
+    }
 }
 
 #[test]

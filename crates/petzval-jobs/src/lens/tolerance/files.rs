@@ -51,7 +51,7 @@ pub(super) fn write_all(
         }
         for number in random.worst(worst) {
             let lens = made_again(findings.lens, findings.study, random.seed, number as u64);
-            if let Some(lens) = lens {
+            if let Ok(lens) = lens {
                 add(&format!("lens-{number:05}.toml"), write_lens(&lens))?;
             }
         }
@@ -115,6 +115,7 @@ fn sheet(findings: &Findings, report: &Report) -> ToleranceSheet {
         unit: s.quantity.unit.clone(),
         distribution: s.distribution.clone(),
         merit_at: [s.merit_at_minus, s.merit_at_plus],
+        is_unbuildable: [&s.defect_at_minus, &s.defect_at_plus].map(Option::is_some),
         even_share: s.inverse_tolerance.zip(s.inverse_is_free),
     };
     let known = |value: Option<f64>| value.unwrap_or(f64::NAN);
@@ -154,6 +155,7 @@ fn random_lenses(findings: &Findings, found: &MonteCarlo, report: &report::Rando
     RandomLenses {
         seed: found.seed,
         trials: found.trials.len(),
+        unbuildable: found.unbuildable(),
         merits: found.sorted(),
         mean_and_deviation: [report.mean, report.standard_deviation].map(known),
         percentiles: report.percentiles.iter().map(|p| (p.percent, p.merit)).collect(),

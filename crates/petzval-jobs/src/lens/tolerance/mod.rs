@@ -5,7 +5,9 @@ mod findings;
 mod part;
 mod report;
 mod trials;
+mod wide;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use petzval_base::{Cancelled, Tally};
@@ -38,6 +40,7 @@ pub use report::{
 };
 
 pub use trials::{Trial, Trials};
+pub(crate) use wide::warn_of_wide_tolerances;
 
 pub use petzval_optics::psf::PsfKind;
 pub use petzval_report::tolerance_sheet::three_digits;
@@ -53,7 +56,8 @@ petzval_base::parameters! {
         worst: usize = 3, "", 0..1_000_000, Linear, "3 is usual";
         /// A value of the merit; the response gives the number of lenses that reach it.
         limit: Option<f64> = None, "", 1e-12..1e12, Log, "a merit: um for the RMS spot, 0 to 1 for the MTF";
-        /// A loss of the merit; the response gives the tolerance of each quantity with which all together cost this much.
+        /// A loss of the merit; the response gives the tolerance of each quantity that costs this loss over the root of their number: together they cost it as a root sum
+        /// square.
         inverse: Option<f64> = None, "", 1e-12..1e12, Log, "a loss of the merit above 0: um for the RMS spot, less than 1 for the MTF";
     }
     also {
@@ -221,8 +225,9 @@ impl Subject {
         {
             return Err(JobError::input(format!("{name}: {no_waves}"), "take rays: --kind geometric"));
         }
-        let tolerances =
-            request.tolerance_file(&lens)?.tolerances(&lens, request.compensate == Compensate::Focus);
+        let file = request.tolerance_file(&lens)?;
+        let tolerances = file.tolerances(&lens, request.compensate == Compensate::Focus);
+        warn_of_wide_tolerances(&name, &lens, (request.tolerances.as_deref(), &file), &tolerances, &context);
         if tolerances.perturbations.is_empty() {
             return Err(JobError::input(
                 "nothing is off: there is no tolerance",
@@ -270,7 +275,7 @@ pub fn lens_of_trial(request: &Request, number: usize, context: &Context) -> Res
         return Err(JobError::setting("trial", number, "there is no such lens", hint));
     }
     trials::made_again(&subject.lens, &subject.study()?, request.seed, number as u64)
-        .ok_or_else(|| JobError::setting("trial", number, "this lens brings no image", "take another"))
+        .map_err(|failure| JobError::setting("trial", number, failure.to_string(), "take another"))
 }
 
 /// As a unit of work.
@@ -412,8 +417,11 @@ pub fn join(request: &Request, parts: &[Response], context: &Context) -> Result<
             return Err(wrong("there are no such lenses", "`trials` is the number of all of them"));
         }
         let lenses = made.merits.iter().zip(&made.compensators);
-        for (place, (value, compensators)) in trials[from..to].iter_mut().zip(lenses) {
-            let trial = MadeLens { value: *value, compensators: compensators.clone() };
+        let unbuildable: BTreeSet<usize> = made.unbuildable.iter().copied().collect();
+        for (number, (place, (value, compensators))) in (from..).zip(trials[from..to].iter_mut().zip(lenses))
+        {
+            let can_be_built = !unbuildable.contains(&number);
+            let trial = MadeLens { value: *value, compensators: compensators.clone(), can_be_built };
             if place.as_ref().is_some_and(|there| *there != trial) {
                 return Err(wrong("another part has them as well, and differs", "make the parts again"));
             }

@@ -1,7 +1,7 @@
 //! A part of the lenses that are made at random, by number.
 
 use petzval_base::Cancelled;
-use petzval_optics::tolerance::{MonteCarlo, Study, Trial};
+use petzval_optics::tolerance::{MonteCarlo, Study, trial};
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -22,16 +22,24 @@ pub struct Part {
 pub struct MadeLenses {
     /// Their numbers.
     pub part: Part,
-    /// Merit of each; none without an image.
+    /// Merit of each; none without an image, or if it cannot be built.
     pub merits: Vec<Option<f64>>,
-    /// Where the compensators of each stand, in their units; empty without an image.
+    /// Where the compensators of each stand, in their units; empty without a merit.
     pub compensators: Vec<Vec<f64>>,
+    /// Numbers of those that cannot be built.
+    #[serde(default)]
+    pub unbuildable: Vec<usize>,
 }
 
 impl MadeLenses {
     pub(super) fn of(part: Part, made: &MonteCarlo) -> Self {
+        let numbered = (part.from..part.to).zip(&made.trials);
         Self {
             part,
+            unbuildable: numbered
+                .filter(|(_, trial)| !trial.can_be_built)
+                .map(|(number, _)| number)
+                .collect(),
             merits: made.trials.iter().map(|trial| trial.value).collect(),
             compensators: made.trials.iter().map(|trial| trial.compensators.clone()).collect(),
         }
@@ -46,16 +54,11 @@ pub(super) fn made(
     Part { from, to }: Part,
     tick: &(dyn Fn() -> Result<(), Cancelled> + Sync),
 ) -> Result<MonteCarlo, Cancelled> {
-    let trial = |number: usize| {
-        let made = study.make(&study.draw(seed, number as u64));
+    let counted = |number: usize| {
+        let made = trial(study, seed, number as u64);
         tick()?;
-        // Without an image, or with one of which nothing can be said, a lens cannot be ranked.
-        let made = made.filter(|made| made.value.is_finite());
-        Ok(Trial {
-            value: made.as_ref().map(|made| made.value),
-            compensators: made.map_or_else(Vec::new, |made| made.compensators),
-        })
+        Ok(made)
     };
-    let trials = (from..to).into_par_iter().map(trial).collect::<Result<_, Cancelled>>()?;
+    let trials = (from..to).into_par_iter().map(counted).collect::<Result<_, Cancelled>>()?;
     Ok(MonteCarlo { seed, trials, better: study.better() })
 }

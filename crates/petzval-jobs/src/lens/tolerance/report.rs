@@ -1,7 +1,7 @@
 //! The figures of a tolerance analysis as plain data.
 
 use petzval_optics::merit;
-use petzval_optics::tolerance::{Distribution, Freedom, MonteCarlo, PERCENTILES};
+use petzval_optics::tolerance::{Distribution, Failure, Freedom, MonteCarlo, PERCENTILES};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -25,7 +25,7 @@ pub struct Report {
     pub nominal_compensators: Vec<Compensator>,
     /// What each tolerance does, the greatest effect first.
     pub sensitivities: Vec<Sensitivity>,
-    /// Lenses as built, estimated from the sensitivities; `None` if a lens at a tolerance brings no image.
+    /// Lenses as built, estimated from the sensitivities; `None` if a lens at a tolerance brings no image or cannot be built.
     pub estimate: Option<Estimate>,
     /// Lenses made at random.
     pub monte_carlo: Option<RandomLenses>,
@@ -87,7 +87,7 @@ pub struct Sensitivity {
     pub distribution: String,
     /// Derivative of the merit per unit of the quantity, compensators following.
     pub derivative: f64,
-    /// Merit at minus the tolerance, compensators adjusted; `None` without an image.
+    /// Merit at minus the tolerance, compensators adjusted; `None` without an image, or if that lens cannot be built.
     pub merit_at_minus: Option<f64>,
     /// Merit at plus the tolerance.
     pub merit_at_plus: Option<f64>,
@@ -99,6 +99,12 @@ pub struct Sensitivity {
     pub inverse_tolerance: Option<f64>,
     /// Whether even a far wider tolerance than this costs less than that share.
     pub inverse_is_free: Option<bool>,
+    /// Why the lens at minus the tolerance cannot be built.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub defect_at_minus: Option<String>,
+    /// Why the lens at plus the tolerance cannot be built.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub defect_at_plus: Option<String>,
 }
 
 /// The merit of lenses as built, estimated from the sensitivities, in the unit of the merit.
@@ -121,8 +127,11 @@ pub struct RandomLenses {
     pub seed: u64,
     /// How many were made.
     pub trials: usize,
-    /// How many of them bring no image.
+    /// How many of them have no merit: they bring no image or cannot be built.
     pub failed: usize,
+    /// How many of these cannot be built.
+    #[serde(default)]
+    pub unbuildable: usize,
     /// Mean merit of the others.
     pub mean: Option<f64>,
     /// Standard deviation of their merit; `None` for fewer than two.
@@ -135,7 +144,7 @@ pub struct RandomLenses {
     pub yield_at_limit: Option<f64>,
     /// How far the compensators go.
     pub compensators: Vec<Travel>,
-    /// The worst lenses, the worst first.
+    /// The worst lenses, the worst first, without those that cannot be built.
     pub worst: Vec<Worst>,
     /// Merit and share of all lenses that reach it, from the best lens to the worst.
     pub yield_curve: Vec<(f64, f64)>,
@@ -146,7 +155,7 @@ pub struct RandomLenses {
 pub struct Percentile {
     /// The share, percent.
     pub percent: f64,
-    /// The merit; `None` if so many lenses bring no image.
+    /// The merit; `None` if so many lenses have none.
     pub merit: Option<f64>,
 }
 
@@ -214,6 +223,11 @@ fn sensitivity(findings: &Findings, i: usize) -> Sensitivity {
     };
     let shared = findings.shared.as_ref().map(|shared| &shared[i]);
     let [at_plus, at_minus] = &row.compensators;
+    let defect = |failure: &Option<Failure>| match failure {
+        Some(Failure::CannotBeBuilt(defect)) => Some(defect.to_string()),
+        _ => None,
+    };
+    let [defect_at_plus, defect_at_minus] = row.failures.each_ref().map(defect);
     Sensitivity {
         quantity: (&p.freedom).into(),
         tolerance: p.tolerance,
@@ -225,6 +239,8 @@ fn sensitivity(findings: &Findings, i: usize) -> Sensitivity {
         compensators_at_plus: at_plus.clone(),
         inverse_tolerance: shared.map(|s| s.tolerance),
         inverse_is_free: shared.map(|s| s.is_free),
+        defect_at_minus,
+        defect_at_plus,
     }
 }
 
@@ -235,6 +251,7 @@ fn random_lenses(findings: &Findings, found: &MonteCarlo, worst: usize) -> Rando
         seed: found.seed,
         trials: found.trials.len(),
         failed: found.failed(),
+        unbuildable: found.unbuildable(),
         mean: finite(mean),
         standard_deviation: finite(deviation),
         percentiles: PERCENTILES.iter().map(percentile).collect(),

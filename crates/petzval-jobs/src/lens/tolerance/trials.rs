@@ -2,7 +2,7 @@
 
 use petzval_files::LensFile;
 use petzval_optics::lens::Lens;
-use petzval_optics::tolerance::{MonteCarlo, Study};
+use petzval_optics::tolerance::{Failure, MonteCarlo, Study};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -23,9 +23,9 @@ pub struct Trials {
 /// One lens.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Trial {
-    /// Its merit; `None` without an image.
+    /// Its merit; `None` without an image, or if it cannot be built.
     pub merit: Option<f64>,
-    /// Where its compensators stand, counted from the lens as drawn, in their units; empty without an image.
+    /// Where its compensators stand, counted from the lens as drawn, in their units; empty without a merit.
     pub compensators: Vec<f64>,
     /// What each quantity is off by, in its unit.
     pub errors: Vec<f64>,
@@ -50,11 +50,11 @@ pub(super) fn trials(findings: &Findings, random: &MonteCarlo) -> Trials {
     }
 }
 
-/// The lens of a number, made again with its compensators set; `None` where it brings no image: such a lens has no focus.
-pub(super) fn made_again(drawn: &Lens, study: &Study, seed: u64, number: u64) -> Option<LensFile> {
-    let made = study.make(&study.draw(seed, number))?;
+/// The lens of a number, made again with its compensators set. Fails where it brings no image, for such a lens has no focus, or cannot be built.
+pub(super) fn made_again(drawn: &Lens, study: &Study, seed: u64, number: u64) -> Result<LensFile, Failure> {
+    let made = study.build(&study.draw(seed, number))?;
     let mut lens = made.lens;
     lens.name = format!("{}, lens {number} of seed {seed}", drawn.name);
     lens.source = format!("petzval lens tolerance: {} {:.4}", study.merit().name(), made.value);
-    Some(LensFile::of(lens))
+    Ok(LensFile::of(lens))
 }

@@ -90,7 +90,7 @@ pub struct Args {
     /// Print how many lenses reach this merit
     #[arg(long, value_name = "MERIT", allow_negative_numbers = true)]
     limit: Option<f64>,
-    /// Print the tolerances that together cost this much of the merit, each an equal part
+    /// Print the tolerances that together cost this much of the merit as a root sum square: each of N costs this loss over the root of N
     #[arg(long, value_name = "LOSS", allow_negative_numbers = true)]
     inverse: Option<f64>,
     /// Seed of the random lenses

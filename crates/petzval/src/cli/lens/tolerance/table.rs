@@ -30,28 +30,26 @@ fn sensitivities(report: &Report, all: bool) {
     let shown = if all { rows.len() } else { rows.len().min(ROWS) };
     let width = rows.iter().map(|row| row.quantity.name.len()).max().unwrap_or(0).max(8);
     let has_inverse = rows.iter().any(|row| row.inverse_tolerance.is_some());
-    let inverse = if has_inverse { format!("{:>18}", "should be") } else { String::new() };
+    let inverse = if has_inverse { format!(" {:>18}", "should be") } else { String::new() };
     let of_unit = if report.unit.is_empty() { String::new() } else { format!(", {}", report.unit) };
     outln!("change of the merit{of_unit}, with one quantity off by its tolerance");
     outln!("{:<width$} {:>18} {:>10} {:>10} {:>11}{inverse}", "", "tolerance", "minus", "plus", "by slope");
     for row in &rows[..shown] {
-        let change = |merit: Option<f64>| {
-            merit.map_or_else(
-                || format!("{:>10}", "no image"),
-                |merit| format!("{:>+10.4}", merit - report.nominal),
-            )
+        let change = |merit: Option<f64>, defect: &Option<String>| {
+            let none = if defect.is_some() { "not built" } else { "no image" };
+            merit.map_or_else(|| format!("{none:>10}"), |merit| format!("{:>+10.4}", merit - report.nominal))
         };
         let unit = &row.quantity.unit;
         let should = row.inverse_tolerance.map_or_else(String::new, |tolerance| {
             let more = if row.inverse_is_free == Some(true) { ">" } else { "" };
-            format!("{:>10} {unit:<7}", format!("{more}{}", three_digits(tolerance)))
+            format!(" {:>10} {unit:<7}", format!("{more}{}", three_digits(tolerance)))
         });
         let line = format!(
             "{:<width$} {:>10} {unit:<7} {} {} {:>+11.4}{should}",
             row.quantity.name,
             three_digits(row.tolerance),
-            change(row.merit_at_minus),
-            change(row.merit_at_plus),
+            change(row.merit_at_minus, &row.defect_at_minus),
+            change(row.merit_at_plus, &row.defect_at_plus),
             row.derivative * row.tolerance,
         );
         outln!("{}", line.trim_end());
@@ -74,7 +72,7 @@ fn estimate(report: &Report) {
     let unit = &report.unit;
     outln!("\nas built, by the table");
     let Some(e) = &report.estimate else {
-        outln!("  no estimate: a lens with one quantity at its tolerance has no image");
+        outln!("  no estimate: a lens with one quantity at its tolerance has no image or cannot be built");
         return;
     };
     outln!("{}", figure("root sum square", e.root_sum_square, unit));
@@ -91,8 +89,11 @@ fn lenses(report: &Report, random: &RandomLenses, compensators: &[String]) {
         Better::Higher => "at least",
     };
     outln!("\n{} lenses at random, seed {}", random.trials, random.seed);
-    if random.failed > 0 {
-        outln!("  {:<25} {:>9}", "without an image", random.failed);
+    let without_image = random.failed.saturating_sub(random.unbuildable);
+    for (what, count) in [("without an image", without_image), ("cannot be built", random.unbuildable)] {
+        if count > 0 {
+            outln!("  {what:<25} {count:>9}");
+        }
     }
     outln!("{}", figure("mean", random.mean, unit));
     outln!("{}", figure("standard deviation", random.standard_deviation, unit));
