@@ -33,6 +33,7 @@ mod finite;
 mod frames;
 mod given_psfs;
 pub mod glass;
+mod glass_range;
 pub mod guest;
 pub mod init;
 pub mod input;

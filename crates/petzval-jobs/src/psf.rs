@@ -20,6 +20,7 @@ use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, Result, make_folder, write_file};
 use crate::event::WarningKind;
+use crate::glass_range::warn_of_wavelengths;
 use crate::input::LensInput;
 use crate::lens::focus::focus_elsewhere;
 use crate::range::check_ranges;
@@ -188,7 +189,9 @@ fn prepared(request: &Request, context: &Context) -> Result<(Lens, PsfPlan)> {
             "`lens show` and `lens trace` take it",
         ));
     }
-    Ok((lens, request.plan()?))
+    let plan = request.plan()?;
+    warn_of_wavelengths(&lens, &request.wavelengths, context);
+    Ok((lens, plan))
 }
 
 /// The outermost field that a lens file states.

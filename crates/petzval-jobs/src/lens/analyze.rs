@@ -19,6 +19,7 @@ use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, Result, make_folder, write_file};
 use crate::event::WarningKind;
+use crate::glass_range::warn_of_wavelengths;
 use crate::input::{LensInput, SensorInput};
 use crate::range::check_ranges;
 use crate::results::check_folder;
@@ -208,7 +209,9 @@ impl Prepared {
     fn new(request: &Request, context: &Context) -> Result<Self> {
         request.check()?;
         let name = request.lens.name().into_owned();
-        let lens = request.looked_at(request.lens.read(&context.assets)?.lens)?;
+        let lens = request.lens.read(&context.assets)?.lens;
+        warn_of_wavelengths(&lens, &request.wavelengths, context);
+        let lens = request.looked_at(lens)?;
         let mut lens = focused(lens, request.focus)?;
         for (what, list) in [("fields", &mut lens.fields_deg), ("wavelengths", &mut lens.wavelengths_um)] {
             if list.len() > MOST {

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 use crate::error::{JobError, Result};
+use crate::glass_range::warn_of_wavelengths;
 use crate::input::LensInput;
 use crate::range::check_ranges;
 
@@ -113,6 +114,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let (name, context) = &request.lens.placed(context)?;
     let lens = context.assets.lens(name)?.lens;
     let pupil = request.checked_pupil(&lens)?;
+    warn_of_wavelengths(&lens, &[request.wavelength], context);
     Ok(trace(&lens, request, pupil))
 }
 

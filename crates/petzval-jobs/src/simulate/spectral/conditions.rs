@@ -7,18 +7,16 @@ use petzval_camera::spectral::{
     ElectronsError, Illuminant, IlluminantError, PixelOptics, Spectrum, SpectrumTable,
 };
 use petzval_design::assets::Assets;
-use petzval_design::assets::glass_warnings::glass_warnings;
 use petzval_design::error::DesignError;
 use petzval_design::lens::psf_plan::PsfPlan;
 use petzval_optics::analysis::image_f_number;
-use petzval_optics::glass::Catalog;
 use petzval_optics::lens::Lens;
 
 use super::super::request::Request;
 use super::super::rig::Rig;
 use crate::context::Context;
 use crate::error::{JobError, Result};
-use crate::event::WarningKind;
+use crate::glass_range::warn_of_wavelengths;
 
 /// Prefix of an efficiency that is the same at all wavelengths.
 const FLAT: &str = "flat:";
@@ -60,10 +58,7 @@ impl Conditions {
 
     /// Warns where the lens is traced at wavelengths outside the range of its glasses' formulas.
     pub fn warn_of_glasses(&self, band_um: &[f64], context: &Context) {
-        let lens = Lens { wavelengths_um: band_um.to_vec(), ..self.lens.clone() };
-        for warning in glass_warnings(&lens, &Catalog::default()) {
-            context.warning(WarningKind::LensFile, format!("{}: {warning}", self.lens.name));
-        }
+        warn_of_wavelengths(&self.lens, band_um, context);
     }
 }
 
