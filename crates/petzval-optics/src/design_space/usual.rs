@@ -24,7 +24,7 @@ pub(super) fn strongest(lens: &Lens) -> Option<f64> {
     (greatest > 0.0).then_some(greatest)
 }
 
-/// Gaps of air, or thicknesses of glass, but the last, from one share of their length to another, at least 0.1 mm wide. A gap against the light starts at nothing instead,
+/// Gaps of air, or thicknesses of glass, but the last, from one share of their length to another and 0.1 mm, so that gaps of next to nothing move too. A gap against the light starts at nothing instead,
 /// and a stop at the rim of a surface, or a plane without effect that stands behind what follows it, stays there.
 pub(super) fn gaps(lens: &Lens, shares: [f64; 2], of_air: bool) -> impl Iterator<Item = Variable> + '_ {
     let stays = move |i: usize| lens.is_beside_stop_at_rim(i) || lens.steps_back_at_idle_plane(i);
@@ -38,7 +38,7 @@ pub(super) fn gaps(lens: &Lens, shares: [f64; 2], of_air: bool) -> impl Iterator
 }
 
 /// The room of a search: every curvature with power, up to one and a half times the strongest of them, and every gap of air but the last, from
-/// a tenth to twice its length. None if no surface is curved.
+/// a tenth to twice its length and 0.1 mm. None if no surface is curved.
 pub fn wide_variables(lens: &Lens) -> Option<Vec<Variable>> {
     let radius = 1.0 / (1.5 * strongest(lens)?);
     let number = Number::Curvature;

@@ -14,9 +14,9 @@ use crate::number::Number;
 pub enum Vary {
     /// Curvatures of surfaces with power, up to one and a half times the strongest of them, of either sign.
     Curvature,
-    /// Thicknesses of glass, from a half to twice their own.
+    /// Thicknesses of glass, from a half to twice their own and 0.1 mm, so that those of next to nothing move too.
     Thickness,
-    /// Gaps of air but the last, from a tenth to twice their own.
+    /// Gaps of air but the last, from a tenth to twice their own and 0.1 mm, so that those of next to nothing move too.
     Air,
     /// Conic constants of curved surfaces beside air, within 2 of their own.
     Conic,
