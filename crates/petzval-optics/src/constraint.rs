@@ -3,6 +3,7 @@
 mod clear_radii;
 mod light;
 mod rim;
+mod stated;
 
 use std::fmt;
 
@@ -10,6 +11,7 @@ use clear_radii::direction_of_light;
 pub use clear_radii::{ClearRadii, SemiDiameters};
 pub use light::passing_share;
 use rim::{Rim, reach, thinnest};
+pub use stated::Stated;
 
 use crate::gradient::LensGradient;
 use crate::lens::{Lens, azimuths};
@@ -338,22 +340,20 @@ impl fmt::Display for Constraint {
             Self::AirEdge { surface, .. } => write!(f, "air at the edge behind surface {}", surface + 1),
             Self::Reach { surface } => write!(f, "reach of the shape of surface {}", surface + 1),
             Self::SolvedRadius { .. } => {
-                write!(f, "bounds of the radius that is solved for, as a sag")
+                write!(f, "radius that is solved for")
             }
             Self::FocalLength { .. } => write!(f, "focal length"),
             Self::BackFocal { .. } => write!(f, "back focal length"),
             Self::ImageDistance { .. } => write!(f, "distance from the last vertex to the image"),
             Self::Track { .. } => write!(f, "track"),
-            Self::ClearDiameter { surface, .. } => write!(f, "clear radius of surface {}", surface + 1),
-            Self::Distortion { .. } => write!(f, "distortion, on the image"),
-            Self::Slope { surface, .. } => {
-                write!(f, "slope of surface {}, times its clear radius", surface + 1)
-            }
-            Self::ChiefRayAngle { .. } => write!(f, "chief-ray angle, times the back focal length"),
+            Self::ClearDiameter { surface, .. } => write!(f, "clear diameter of surface {}", surface + 1),
+            Self::Distortion { .. } => write!(f, "distortion"),
+            Self::Slope { surface, .. } => write!(f, "slope of surface {}", surface + 1),
+            Self::ChiefRayAngle { .. } => write!(f, "chief-ray angle"),
             Self::ChiefHeight { .. } => write!(f, "image height of a chief ray"),
             Self::Light { field_rad, .. } => {
                 let field_deg = field_rad.to_degrees();
-                write!(f, "light at {field_deg:.1} degrees that apertures let through, times the pupil")
+                write!(f, "light at {field_deg:.1} degrees that apertures let through")
             }
         }
     }

@@ -146,7 +146,7 @@ impl Case {
                 seed: 1,
             },
             iterations: Some(ITERATIONS),
-            rounds: Some(1),
+            rounds: None,
             seconds: None,
             trade: false,
         };

@@ -75,8 +75,8 @@ fn optimize_request(folder: &std::path::Path, global: bool) -> optimize::Request
             global,
             seed: 1,
         },
-        iterations: Some(3),
-        rounds: Some(1000),
+        iterations: (!global).then_some(3),
+        rounds: global.then_some(1000),
         seconds: None,
         trade: false,
     }

@@ -202,6 +202,10 @@ fn bad_requests_are_explained_and_leave_no_files() {
     optimize(&["--global", "--rounds", "0"], &["--rounds 0: must lie between 1 and"]);
     optimize(&["--global", "--seconds", "-1"], &["--seconds -1: must lie between"]);
     optimize(&["--trade"], &["--trade: compares searches", "--global"]);
+    optimize(&["--rounds", "3"], &["--rounds 3: belongs to a search", "--global"]);
+    optimize(&["--seconds", "1"], &["--seconds 1: belongs to a search", "--global"]);
+    optimize(&["--seed", "5"], &["--seed belongs to a search", "--global"]);
+    optimize(&["--global", "--iterations", "5"], &["--iterations 5: belongs to a descent", "--rounds"]);
     optimize(&["--fields", "0,80"], &["rays through the stop"]);
     optimize(&["--glass", "3"], &["--glass", "--global"]);
     optimize(&["--global", "--glass", "2"], &["no glass behind surface `2`"]);
@@ -395,7 +399,7 @@ fn a_search_never_returns_less_than_its_start() {
     // Where spots must grow, the limit that the start does not keep is named.
     let narrow = [&search[..], &["--out", "narrow", "--track", "130"]].concat();
     let done = run_ok(folder.path(), &narrow);
-    assert!(done.says("the lens at the start does not keep: track, by "), "{}", done.stderr);
+    assert!(done.says("the lens at the start does not keep: track: "), "{}", done.stderr);
 }
 
 #[test]
@@ -525,6 +529,108 @@ fn a_stop_behind_the_front_vertex_stays_there() {
     assert!(spot_um("best") < 0.98 * spot_um("start"), "{found}");
     let best = run_ok(folder.path(), &["lens", "show", "run/best.toml", "--json"]).json();
     assert_eq!(best["surfaces"][0]["thickness_mm"], -0.2);
+}
+
+/// A limit is reported as it was given.
+#[test]
+fn limits_are_named_in_the_units_of_their_options() {
+    let folder = tempfile::tempdir().unwrap();
+    let limits = [
+        "--chief-ray-angle",
+        "5",
+        "--slope",
+        "10",
+        "--clear-diameter",
+        "8",
+        "--distortion",
+        "0.01",
+        "--track",
+        "30",
+    ];
+    let args = [&["lens", "optimize", LENS, "--iterations", "0", "--out", "run"], &limits[..]].concat();
+    let said = run_ok(folder.path(), &args);
+    for words in [
+        "chief-ray angle: ",
+        "degrees, at most 5",
+        "slope of surface 1: ",
+        "degrees, at most 10;",
+        "clear diameter of surface 1: ",
+        "mm, at most 8;",
+        "distortion: ",
+        "%, at most 0.01",
+        "mm, at most 30",
+    ] {
+        assert!(said.says(words), "{words}: {}", said.stderr);
+    }
+}
+
+/// Of a lens with pickups and of one with a flat cover, the advice to hold the focal length is one that can be followed.
+#[test]
+fn the_advice_to_hold_the_focal_length_works() {
+    let folder = tempfile::tempdir().unwrap();
+    let head = "units = \"mm\"\n[aperture]\nentrance_pupil_diameter_mm = 8.0\n[wavelengths]\num = [0.5875618]\n[fields]\n\
+                angle_deg = [0.0, 5.0]\n";
+    let surface = |radius: &str, thickness_mm: f64, glass: bool, more: &str| {
+        let glass = if glass { "glass = \"N-BK7\"\n" } else { "" };
+        format!("[[surface]]\nradius_mm = {radius}\nthickness_mm = {thickness_mm:?}\n{glass}{more}\n")
+    };
+    let variable = |surface: usize, parameter: &str, min: f64, max: f64| {
+        format!(
+            "[[variable]]\nsurface = {surface}\nparameter = \"{parameter}\"\nmin = {min:?}\nmax = {max:?}\n"
+        )
+    };
+    let cover = format!(
+        "name = \"cover\"\n{head}{}{}{}{}",
+        surface("30.0", 3.0, true, "stop = true"),
+        surface("-60.0", 25.0, false, ""),
+        surface("inf", 1.0, true, ""),
+        surface("inf", 12.0, false, "")
+    );
+    let cover_varies = format!("{cover}{}", variable(1, "thickness_mm", 1.0, 8.0));
+    std::fs::write(folder.path().join("cover.toml"), &cover_varies).unwrap();
+    let begin = |name: &str, out: &str| {
+        run_ok(folder.path(), &["lens", "optimize", name, "--iterations", "1", "--out", out]).stderr
+    };
+    let said = begin("cover.toml", "a");
+    let advice = said.split_once("[solve] ").and_then(|(_, rest)| rest.split_once(" in the file does"));
+    let advice = advice.unwrap_or_else(|| panic!("{said}")).0;
+    assert!(advice.contains("surface = 2"), "{advice}");
+    std::fs::write(folder.path().join("solved.toml"), format!("{cover_varies}[solve]\n{advice}\n")).unwrap();
+    begin("solved.toml", "b");
+
+    // Every curved surface follows another or is followed.
+    let pair = format!(
+        "name = \"pair\"\n{head}{}{}{}{}[[pickup]]\nsurface = 2\nfollows = 1\nparameter = \"radius_mm\"\nscale = -1.0\n",
+        surface("60.0", 3.0, true, "stop = true"),
+        surface("-60.0", 55.0, false, ""),
+        variable(1, "radius_mm", 20.0, 90.0),
+        variable(1, "thickness_mm", 1.0, 8.0)
+    );
+    std::fs::write(folder.path().join("pair.toml"), pair).unwrap();
+    let said = begin("pair.toml", "c");
+    assert!(!said.contains("[solve] efl"), "{said}");
+    let held = ["lens", "optimize", "pair.toml", "--efl", "60", "--out", "d"];
+    run_fails(
+        folder.path(),
+        &held,
+        2,
+        &["no surface can hold the focal length", "no [solve] in the file can"],
+    );
+}
+
+/// Wavelengths that the request names are as far from a glass's formula as those of the file.
+#[test]
+fn wavelengths_outside_the_formulas_of_the_glasses_give_a_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    for args in [
+        &["lens", "optimize", LENS, "--iterations", "0", "--wavelengths", "2.6", "--out", "run"][..],
+        &["lens", "trace", LENS, "--field", "5", "--pupil", "0,0.5", "--wavelength", "2.6"],
+        &["lens", "analyze", LENS, "--wavelengths", "2.6", "--only", "json", "--out", "looked"],
+        &["psf", LENS, "--wavelengths", "2.6,0.55,0.486", "--fields", "2", "--grid", "32", "--out", "psf"],
+    ] {
+        let outcome = run(folder.path(), args);
+        assert!(outcome.says("not at 2.6 um"), "{args:?}: {}", outcome.stderr);
+    }
 }
 
 /// Where a pickup contradicts the number of the file, the start of the table is the lens that the descent begins with, and a warning names both.

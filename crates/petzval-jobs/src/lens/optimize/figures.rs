@@ -3,6 +3,8 @@
 use std::collections::BTreeSet;
 
 use petzval_optics::analysis::first_order_table;
+use petzval_optics::constraint::{Constraint, SemiDiameters, Stated};
+use petzval_optics::lens::Lens;
 use petzval_optics::optimize::{Analysis, Goal as MeritGoal, Problem};
 use petzval_optics::paraxial::{first_order, image_height_per_tangent, rectilinear_tangent};
 use petzval_optics::pupil::chief_ray;
@@ -46,8 +48,12 @@ pub struct Figures {
     /// Distortion at the outermost field; `None` without such a field, or without rotational symmetry.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distortion_percent: Option<f64>,
-    /// Limits that are violated, and by how much, mm.
+    /// Limits that are violated, and by how much, mm: diameters by their radius, distortions on the image, a slope as its tangent times the clear
+    /// radius, a chief ray's as its tangent times the back focal length.
     pub violations_mm: Vec<(String, f64)>,
+    /// The same limits in words: the figure and its bound, in the unit of the bound.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub violations: Vec<String>,
 }
 
 /// Whether a goal is the error after restoration, and no operand.
@@ -70,13 +76,51 @@ pub struct OperandFigure {
     /// By how much it misses its bound, in its unit; 0 where it keeps it.
     #[serde(default)]
     pub missed_by: f64,
+    /// The figure itself and its bound, where the value is how far it is missed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reached: Option<Reached>,
+}
+
+/// A bounded figure.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Reached {
+    /// Its value.
+    pub value: f64,
+    /// Its bound in words, in the same unit.
+    pub bound: String,
+    /// The unit of both.
+    pub unit: String,
+}
+
+impl From<Stated> for Reached {
+    fn from(Stated { value, unit, bound }: Stated) -> Self {
+        Self { value, bound, unit: unit.to_owned() }
+    }
+}
+
+/// A limit that a lens of these clear semi-diameters violates by a length, mm: the figure and its bound.
+pub(super) fn violation_in_words(what: &Constraint, lens: &Lens, excess_mm: f64) -> String {
+    match what.stated(lens, excess_mm) {
+        Some(Stated { value, unit, bound }) => format!("{what}: {value:.4} {unit}, {bound}"),
+        None => format!("{what}, by {excess_mm:.4} mm"),
+    }
+}
+
+/// What a lens with fitted apertures reaches of a constraint.
+fn reached(bound: &Constraint, fitted: &Lens) -> Option<Reached> {
+    let excess_mm = bound.excess_mm(fitted, &SemiDiameters(fitted))?;
+    bound.stated(fitted, excess_mm).map(Reached::from)
 }
 
 impl Figures {
     /// The limits and the bounds of operands that it does not keep, each with by how much.
     pub fn missed(&self) -> Vec<String> {
-        let limits = self.violations_mm.iter().filter(|(_, mm)| *mm > VIOLATED_MM);
-        let limits = limits.map(|(what, mm)| format!("{what}, by {mm:.4} mm"));
+        let limits = self.violations_mm.iter().enumerate().filter(|(_, (_, mm))| *mm > VIOLATED_MM);
+        let in_words = |(i, (what, mm)): (usize, &(String, f64))| {
+            self.violations.get(i).cloned().unwrap_or_else(|| format!("{what}, by {mm:.4} mm"))
+        };
+        let limits = limits.map(in_words);
         // The bound of a length is among the limits.
         let is_traded = |o: &&OperandFigure| o.unit != "mm" && o.missed_by > MISSED * o.target.abs();
         let of_operand = |o: &OperandFigure| {
@@ -98,12 +142,16 @@ impl Figures {
             .restored_error_percent
             .map(|e| ("error after restoration".to_owned(), Some(e), "% of white"));
         let mut rows: Vec<_> = restored.into_iter().collect();
-        let unit = |unit: &str| ["mm", "um", "waves"].into_iter().find(|known| *known == unit).unwrap_or("");
-        // A limit is counted by how far it is missed, other figures by themselves.
-        let named = |o: &OperandFigure| {
-            if o.unit == "mm" && o.target == 0.0 { format!("{}: missed by", o.of) } else { o.of.clone() }
+        let unit = |unit: &str| {
+            ["mm", "um", "waves", "%", "degrees"].into_iter().find(|known| *known == unit).unwrap_or("")
         };
-        rows.extend(self.operands.iter().map(|o| (named(o), Some(o.value), unit(&o.unit))));
+        let row = |o: &OperandFigure| match &o.reached {
+            Some(reached) => {
+                (format!("{}, {}", o.of, reached.bound), Some(reached.value), unit(&reached.unit))
+            }
+            None => (o.of.clone(), Some(o.value), unit(&o.unit)),
+        };
+        rows.extend(self.operands.iter().map(row));
         rows.push(("mean RMS spot".to_owned(), Some(self.mean_rms_spot_um), "um"));
         let digits = digits_apart(fields_deg);
         for (field, rms) in fields_deg.iter().zip(&self.rms_spot_um) {
@@ -135,18 +183,26 @@ impl Figures {
             .then(|| chief_ray(&sequence, outermost))
             .flatten();
         let goals = || problem.goals.iter().zip(analysis.goals.iter().copied());
-        let figure = |(goal, value): (&MeritGoal, f64)| OperandFigure {
-            of: goal.merit.name(),
-            value,
-            target: goal.target,
-            unit: goal.merit.unit().to_owned(),
-            missed_by: goal.merit.better().loss(value, goal.target).max(0.0),
+        // The goal of an operand that binds has no weight, and stands in the order of the constraints.
+        let mut bounds = problem.further.iter();
+        let mut figure = |(goal, value): (&MeritGoal, f64)| {
+            let (unit, binds) = (goal.merit.unit().to_owned(), goal.weight_um == 0.0 && goal.target == 0.0);
+            let bound = if binds && unit == "mm" { bounds.next() } else { None };
+            OperandFigure {
+                of: goal.merit.name(),
+                value,
+                target: goal.target,
+                missed_by: goal.merit.better().loss(value, goal.target).max(0.0),
+                reached: bound.and_then(|bound| reached(bound, &clear)),
+                unit,
+            }
         };
+        let operands = goals().filter(|(goal, _)| !is_restored(goal)).map(&mut figure).collect();
         let distortion = chief
             .map(|c| c.y_mm / (image_height_per_tangent(&sequence) * rectilinear_tangent(outermost)) - 1.0);
         Self {
             restored_error_percent: goals().find(|(goal, _)| is_restored(goal)).map(|(_, percent)| percent),
-            operands: goals().filter(|(goal, _)| !is_restored(goal)).map(figure).collect(),
+            operands,
             mean_rms_spot_um: rms_um.iter().sum::<f64>() / rms_um.len() as f64,
             rms_spot_um: rms_um,
             focal_length_mm: finite(order.efl_mm),
@@ -156,6 +212,7 @@ impl Figures {
             track_to_the_image_mm: lens.axis_length_mm(),
             largest_clear_diameter_mm: widest,
             distortion_percent: distortion.map(|share| 100.0 * share).and_then(finite),
+            violations: violations.iter().map(|(what, mm)| violation_in_words(what, &clear, *mm)).collect(),
             violations_mm: violations.into_iter().map(|(what, mm)| (what.to_string(), mm)).collect(),
         }
     }

@@ -109,6 +109,8 @@ impl Goal {
         let magnification = if efl.is_none() { self.magnification_solve(file) } else { None };
         problem.solves = Solves { efl, length: file.length_solve, magnification, ..Solves::default() };
         problem.pickups.clone_from(&file.pickups);
+        let own_mm = first_order(&file.lens.at_wavelength(file.lens.reference_um)).efl_mm;
+        let efl_mm = problem.solves.efl.map_or(own_mm, |solve| solve.efl_mm);
         if let Some((solved, _)) = problem.solves.curvature() {
             // A radius that is solved for is no variable.
             let is_solved = |v: &Variable| (v.surface, v.number) == (solved, Number::Curvature);
@@ -118,7 +120,7 @@ impl Goal {
                         "efl",
                         "",
                         format!("solves for the radius of surface {}, which others follow", solved + 1),
-                        "write [solve] efl into the lens file, with another surface",
+                        how_to_hold(file, efl_mm),
                     ));
                 }
                 problem.variables.remove(at);
@@ -128,8 +130,6 @@ impl Goal {
             }
         }
         if let Some(n) = self.f_number {
-            let found = first_order(&file.lens.at_wavelength(file.lens.reference_um)).efl_mm;
-            let efl_mm = problem.solves.efl.map_or(found, |s| s.efl_mm);
             if !efl_mm.is_finite() {
                 let message = "the lens is afocal and has no f-number";
                 return Err(JobError::setting("f_number", n, message, "hold a focal length with --efl"));
@@ -289,8 +289,10 @@ impl Goal {
             return Ok(Some(EflSolve { surface, efl_mm, radius_mm }));
         }
         let (surface, radius_mm) = holding(file).ok_or_else(|| {
-            let hint = "it takes a radius that the file lets vary, or any curved one if it names no variables, without pickups from or to it; or a [solve] in the \
-                        file: efl = { surface = ..., efl_mm = ... }";
+            let hint = format!(
+                "it takes a radius that the file lets vary, or any curved one if it names no variables, without pickups from or to it; {}",
+                how_to_hold(file, efl_mm)
+            );
             JobError::setting("efl", wanted, "no surface can hold the focal length", hint)
         })?;
         Ok(Some(EflSolve { surface, efl_mm, radius_mm }))
@@ -308,17 +310,39 @@ impl Goal {
     }
 }
 
-/// The surface whose radius is solved for the focal length or the magnification, and the bounds of the radius. It is the last radius that
-/// the file lets vary or, if the file names no variables, that of the last curved surface. `None` if no radius can be solved.
-fn holding(file: &LensFile) -> Option<(usize, Option<[f64; 2]>)> {
-    let of_radius =
-        |s: usize| file.variables.iter().position(|v| (v.surface, v.number) == (s, Number::Curvature));
+/// The variable that is the radius of a surface, from 0.
+fn radius_variable(file: &LensFile, surface: usize) -> Option<usize> {
+    file.variables.iter().position(|v| (v.surface, v.number) == (surface, Number::Curvature))
+}
+
+/// Surfaces with power whose radius follows no other and is followed by none, from 0.
+fn solvable(file: &LensFile) -> Vec<usize> {
     let follows = |s: usize| {
         let is_radius = |v: usize| file.variables[v].number == Number::Curvature;
         file.pickups.iter().any(|p| p.surface == s && is_radius(p.variable))
     };
-    let is_followed = |s: usize| of_radius(s).is_some_and(|v| file.pickups.iter().any(|p| p.variable == v));
-    let eligible: Vec<usize> = powered(&file.lens).filter(|s| !follows(*s) && !is_followed(*s)).collect();
+    let is_followed =
+        |s: usize| radius_variable(file, s).is_some_and(|v| file.pickups.iter().any(|p| p.variable == v));
+    powered(&file.lens).filter(|s| !follows(*s) && !is_followed(*s)).collect()
+}
+
+/// What holds a focal length, mm, where no radius that the file lets vary is free to: a solve in the file for a curved surface that can have one.
+pub(super) fn how_to_hold(file: &LensFile, efl_mm: f64) -> String {
+    let is_curved = |s: &usize| file.lens.surfaces[*s].shape.curvature != 0.0;
+    match solvable(file).into_iter().rev().find(is_curved) {
+        Some(surface) => format!(
+            "[solve] efl = {{ surface = {}, efl_mm = {efl_mm:.4} }} in the file does, or that of another curved surface",
+            surface + 1
+        ),
+        None => "no [solve] in the file can: each curved surface follows another or is followed; an operand `focal-length` bounds it".to_owned(),
+    }
+}
+
+/// The surface whose radius is solved for the focal length or the magnification, and the bounds of the radius. It is the last radius that
+/// the file lets vary or, if the file names no variables, that of the last curved surface. `None` if no radius can be solved.
+fn holding(file: &LensFile) -> Option<(usize, Option<[f64; 2]>)> {
+    let of_radius = |s: usize| radius_variable(file, s);
+    let eligible = solvable(file);
     // A file that names variables says what may move: what it leaves out stays, such as a filter or a test plate's radius.
     let is_curved = |s: &&usize| file.lens.surfaces[**s].shape.curvature != 0.0;
     let surface = if file.variables.is_empty() {

@@ -34,8 +34,9 @@ use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, Result};
 use crate::event::WarningKind;
+use crate::glass_range::warn_of_wavelengths;
 
-pub use figures::{Figures, OperandFigure};
+pub use figures::{Figures, OperandFigure, Reached};
 pub use goal::{Goal, Restored};
 pub use petzval_optics::design_space::Vary;
 pub use request::{Found, Request, Response, Start, Trade};
@@ -86,6 +87,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
             let (config, upto) = continued(config, request, &history)?;
             // Everything is checked before the folder changes.
             check_trade(&config)?;
+            check_method(&config, request)?;
             history.keep_config(&config)?;
             (history, config, problem, upto)
         }
@@ -111,10 +113,12 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
             let problem = new_problem(&config, &file, assets)?;
             // Everything is checked before the folder is made.
             check_trade(&config)?;
+            check_method(&config, request)?;
             let upto = Upto::of(&config);
             (History::create(out, &file, &config)?, config, problem, upto)
         }
     };
+    warn_of_wavelengths(&history.start().lens, &config.goal.wavelengths, context);
     note_held_radius(&problem, history.start(), &config.goal, context);
 
     let mut start = at_the_start(&problem);
@@ -134,7 +138,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         }
     }
     if let Some(start) = &start {
-        note_violations(start, context);
+        note_violations(&problem, start, context);
     }
     let best = if config.global {
         search(&problem, &mut history, &config, upto.rounds, request, context)?
@@ -193,6 +197,27 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         return Err(stopped.going_on_with(&again).with_response(&response).into());
     }
     Ok(response)
+}
+
+/// Refuses options of a search where a descent is made, and those of a descent where a search is.
+fn check_method(config: &Config, request: &Request) -> Result<()> {
+    let iterations = ("iterations", request.iterations.map(|n| n.to_string()));
+    let rounds = ("rounds", request.rounds.map(|n| n.to_string()));
+    let seconds = ("seconds", request.seconds.map(|s| s.to_string()));
+    let (foreign, message, hint) = if config.global {
+        (
+            vec![iterations],
+            "belongs to a descent, and this is a search",
+            "a search takes --rounds and --seconds",
+        )
+    } else {
+        let message = "belongs to a search, and this is a descent";
+        (vec![rounds, seconds], message, "a descent takes --iterations; a search begins with --global")
+    };
+    match foreign.into_iter().find_map(|(key, value)| Some((key, value?))) {
+        Some((key, value)) => Err(JobError::setting(key, value, message, hint)),
+        None => Ok(()),
+    }
 }
 
 /// Whether an optimisation has the pupil and no wider fields than the lens file, so that the clear apertures of the file hold for it.
@@ -278,8 +303,8 @@ fn new_problem(config: &Config, file: &LensFile, assets: &Assets) -> Result<Prob
 }
 
 /// Names the limits that the lens at the start does not keep: they explain spots that grow.
-fn note_violations(start: &Analysis, context: &Context) {
-    let named = named_violations(start);
+fn note_violations(problem: &Problem, start: &Analysis, context: &Context) {
+    let named = named_violations(problem, start);
     if !named.is_empty() {
         context.note(format!("the lens at the start does not keep: {}", named.join("; ")));
     }
@@ -328,25 +353,27 @@ fn note_held_radius(problem: &Problem, file: &LensFile, goal: &Goal, context: &C
             held(solve.surface, format!("the magnification of {:.4}", solve.magnification));
         }
         (None, None) if goal.efl.is_none() => {
-            context.note(format!("the focal length is not held: {}", why_not_held(file)));
+            context.note(format!("the focal length is not held: {}", why_not_held(problem, file)));
         }
         _ => {}
     }
 }
 
 /// Why no radius holds the focal length.
-fn why_not_held(file: &LensFile) -> String {
-    let efl_mm = first_order(&file.lens.at_wavelength(file.lens.reference_um)).efl_mm;
+fn why_not_held(problem: &Problem, file: &LensFile) -> String {
+    // The optimisation begins with what pickups and solves make of the lens of the file.
+    let begin = problem.space().ok().and_then(|space| space.lens_at(&space.start()).ok());
+    let lens = begin.as_ref().unwrap_or(&file.lens);
+    let efl_mm = first_order(&lens.at_wavelength(lens.reference_um)).efl_mm;
     if !efl_mm.is_finite() {
         return "the lens is afocal".to_owned();
     }
     if file.variables.is_empty() {
         return "no radius is free to hold it".to_owned();
     }
-    let last = file.lens.surfaces.len();
     format!(
-        "of the radii that the file lets vary, none is free to hold it; [solve] efl = {{ surface = {last}, efl_mm = {efl_mm:.4} }} in the file does, or that of \
-         another surface"
+        "of the radii that the file lets vary, none is free to hold it; {}",
+        goal::how_to_hold(file, efl_mm)
     )
 }
 

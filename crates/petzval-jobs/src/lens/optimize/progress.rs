@@ -8,7 +8,7 @@ use petzval_optics::merit::SpotResiduals;
 use petzval_optics::optimize::{Analysis, LevenbergOptions, Problem, descend};
 use petzval_optics::pupil::PupilSampling;
 
-use super::figures::{VIOLATED_MM, is_restored};
+use super::figures::{VIOLATED_MM, is_restored, violation_in_words};
 use super::history::{Config, History};
 use super::request::{ITERATIONS, ROUNDS};
 use crate::error::JobError;
@@ -85,10 +85,14 @@ pub(super) fn with_fine_rays(problem: &Problem) -> Problem {
     Problem { merit, ..problem.clone() }
 }
 
-/// The limits that a lens does not keep, each with by how much.
-pub(super) fn named_violations(analysis: &Analysis) -> Vec<String> {
+/// The limits that a lens does not keep, each with the figure and its bound.
+pub(super) fn named_violations(problem: &Problem, analysis: &Analysis) -> Vec<String> {
+    if violations(analysis) == 0 {
+        return Vec::new();
+    }
+    let fitted = analysis.fitted_lens(problem);
     let broken = analysis.violations.iter().filter(|(_, mm)| *mm > VIOLATED_MM);
-    broken.map(|(what, mm)| format!("{what}, by {mm:.4} mm")).collect()
+    broken.map(|(what, mm)| violation_in_words(what, &fitted, *mm)).collect()
 }
 
 pub(super) fn violations(analysis: &Analysis) -> usize {
@@ -98,7 +102,7 @@ pub(super) fn violations(analysis: &Analysis) -> usize {
 /// A line about a better lens.
 pub(super) fn line(what: &str, seconds: f64, problem: &Problem, analysis: &Analysis) -> String {
     let fields: Vec<String> = analysis.rms_um.iter().map(|r| format!("{r:.2}")).collect();
-    let violated = match &named_violations(analysis)[..] {
+    let violated = match &named_violations(problem, analysis)[..] {
         [] => String::new(),
         [one] => format!("; not kept: {one}"),
         [first, more @ ..] => format!("; not kept: {first}; and {} more", more.len()),

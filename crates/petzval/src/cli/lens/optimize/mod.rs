@@ -50,9 +50,9 @@ pub struct Args {
     /// Search the whole range between the bounds, not only downhill from the lens
     #[arg(long)]
     global: bool,
-    /// Seed of the search
-    #[arg(long, default_value_t = usual::seed())]
-    seed: u64,
+    /// Seed of the search [default: 1]
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
     /// Rounds of a search, of 16 descents each: the same rounds find the same lenses on any machine; with --resume as many more [default: 10;
     /// with --resume those that are left]
     #[arg(long, value_name = "N")]
@@ -131,12 +131,18 @@ impl Args {
                     "only an optimisation that is continued has steps to forget",
                 ));
             }
+            (None, Some(_), Some(_)) if self.seed.is_some() && !self.global => {
+                return Err(Failure::input(
+                    "--seed belongs to a search, and this is a descent",
+                    "add --global for a search, or leave it out",
+                ));
+            }
             (None, Some(lens), Some(out)) => Start::New {
                 lens: lens.into(),
                 out,
                 goal: Box::new(goal),
                 global: self.global,
-                seed: self.seed,
+                seed: self.seed.unwrap_or_else(usual::seed),
             },
             _ => return Err(Failure::input("a lens and --out are needed", "or --resume and a folder")),
         };
