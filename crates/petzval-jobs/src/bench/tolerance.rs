@@ -33,7 +33,10 @@ fn random_lenses() -> Result<Prepared> {
         let study = Study::new(&lens, &tolerances, &merit).map_err(|e| JobError::failed(e.to_string()))?;
         let found = monte_carlo(&study, 1, TRIALS, &|| Ok(()))?;
         if found.failed() > 0 {
-            return Err(JobError::failed(format!("{} lenses have no image or cannot be built", found.failed())));
+            return Err(JobError::failed(format!(
+                "{} lenses have no image or cannot be built",
+                found.failed()
+            )));
         }
         Ok(found)
     }))

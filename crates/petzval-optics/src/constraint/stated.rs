@@ -100,7 +100,7 @@ mod tests {
     fn bounds_are_as_they_were_given() {
         assert_eq!([short(11.0), short(0.5), short(49.9999), short(-3.25)], ["11", "0.5", "50", "-3.25"]);
         assert_eq!(between([24.0, 25.0]), "from 24 to 25");
-        assert_eq!(between([50.0001, 999_999.9999]), "at least 50");
-        assert_eq!(between([-999_999.9999, 8.0]), "at most 8");
+        assert_eq!(between([50.0001, 999_999.999_9]), "at least 50");
+        assert_eq!(between([-999_999.999_9, 8.0]), "at most 8");
     }
 }

@@ -193,7 +193,7 @@ impl Figures {
                 value,
                 target: goal.target,
                 missed_by: goal.merit.better().loss(value, goal.target).max(0.0),
-                reached: bound.and_then(|bound| reached(bound, &clear)),
+                reached: bound.and_then(|bound| reached(bound, lens)),
                 unit,
             }
         };
@@ -212,7 +212,7 @@ impl Figures {
             track_to_the_image_mm: lens.axis_length_mm(),
             largest_clear_diameter_mm: widest,
             distortion_percent: distortion.map(|share| 100.0 * share).and_then(finite),
-            violations: violations.iter().map(|(what, mm)| violation_in_words(what, &clear, *mm)).collect(),
+            violations: violations.iter().map(|(what, mm)| violation_in_words(what, lens, *mm)).collect(),
             violations_mm: violations.into_iter().map(|(what, mm)| (what.to_string(), mm)).collect(),
         }
     }
