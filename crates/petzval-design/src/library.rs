@@ -102,7 +102,7 @@ impl Library {
     /// The experiment of a text, checked.
     fn checked(&self, source: &Text) -> Result<Experiment> {
         let experiment = self.tasks.parse(&source.text).and_then(|experiment| {
-            self.tasks.check_scores(&experiment, &source.text)?;
+            self.tasks.check_new(&experiment, &source.text)?;
             Ok(experiment)
         });
         experiment.map_err(DesignError::input(&source.path))

@@ -332,7 +332,7 @@ impl Reader<'_> {
             }
             if let Some(room_mm) = freedom.room_mm(self.lens).filter(|room_mm| tolerance > *room_mm) {
                 let message =
-                    format!("wider than the {room_mm} mm that are there; some lenses cannot be built");
+                    format!("wider than the {room_mm:.4} mm that are there; some lenses cannot be built");
                 wide.push(self.error(&key, value.span(), message));
             }
             entries.push(Perturbation { freedom, tolerance, distribution });

@@ -216,7 +216,9 @@ fn at_named(error: JobError, request: &Value) -> JobError {
     let is_named = |text: &str| begins(text) || message.contains(&format!("called `{text}`"));
     let found = known.key.is_empty().then(|| text_where(request, "", &is_named)).flatten();
     let Some((key, value)) = found else { return error };
-    let path = known.path.clone().or_else(|| begins(&value).then(|| PathBuf::from(&value)));
+    // A built-in name is no path.
+    let is_path = |text: &str| Path::new(text).exists() || text.contains(['.', '/', '\\']);
+    let path = known.path.clone().or_else(|| (begins(&value) && is_path(&value)).then(|| (&value).into()));
     error.at_place(Place { path, key, value, ..known })
 }
 

@@ -55,6 +55,11 @@ pub trait Task: Send + Sync {
         Ok(())
     }
 
+    /// Checks what runs of earlier versions may have, and new experiments may not.
+    fn check_new(&self, _experiment: &Experiment, _text: &str) -> Result<(), FileError> {
+        Ok(())
+    }
+
     /// The names of all scores that it can compute.
     fn scores(&self, experiment: &Experiment) -> Vec<String>;
 

@@ -96,7 +96,7 @@ impl Tasks {
         }
     }
 
-    /// Reads and checks an experiment, but for whether its scores are known: see [`Tasks::check_scores`]. Errors name line, key, value and a hint.
+    /// Reads and checks an experiment, but for what runs of earlier versions may have: see [`Tasks::check_new`]. Errors name line, key, value and a hint.
     pub fn parse(&self, text: &str) -> Result<Experiment, FileError> {
         let mut experiment = Experiment::read(text)?;
         let Some(task) = self.named(&experiment.task) else {
@@ -114,9 +114,11 @@ impl Tasks {
         Ok(experiment)
     }
 
-    /// Checks that the scores of an experiment are among those that its task knows. One who scores by others leaves this out.
-    pub fn check_scores(&self, experiment: &Experiment, text: &str) -> Result<(), FileError> {
+    /// Checks of an experiment that is no run yet what its task alone demands of it, and that its task knows its scores. One who scores by others
+    /// leaves this out.
+    pub fn check_new(&self, experiment: &Experiment, text: &str) -> Result<(), FileError> {
         let Some(task) = self.named(&experiment.task) else { return Ok(()) };
+        task.check_new(experiment, text)?;
         experiment.check_scores(text, &task.scores(experiment), &task.facts())
     }
 
@@ -186,18 +188,27 @@ mod tests {
         assert!(class("name = \"a b\"\n").contains("no name of a class"));
         assert!(class("name = \"red\"\nstate = \"blue\"\n").contains("red, yellow, green or off"));
         assert!(class("name = \"a\"\nfrm = [\"b\"]\n").contains("frm"));
-        let twice = class("name = \"a\"\ncategories = [3]\n[[class]]\nname = \"b\"\ncategories = [3]\n");
-        assert!(twice.contains("line 7") && twice.contains("category 3 is of the class `a`, too"), "{twice}");
         // The example of a score is one of the task.
         let unscored = class("name = \"a\"\n[scoring]\nscores = []\n");
         assert!(unscored.contains("for example [\"ap50\"]"), "{unscored}");
+    }
+
+    /// A run of an earlier version may have such classes.
+    #[test]
+    fn a_category_of_two_classes_is_refused_of_new_experiments() {
+        let tasks = Tasks::built_in();
+        let classes =
+            "[[class]]\nname = \"a\"\ncategories = [3]\n[[class]]\nname = \"b\"\ncategories = [3]\n";
+        let text = format!("task = \"objects\"\ndata = \"faces\"\n{classes}");
+        let twice = tasks.check_new(&tasks.parse(&text).unwrap(), &text).unwrap_err().to_string();
+        assert!(twice.contains("line 8") && twice.contains("category 3 is of the class `a`, too"), "{twice}");
     }
 
     /// Of a new experiment: a run of an earlier version may have the key.
     #[test]
     fn pictures_are_counted_where_photographs_are_scored() {
         let tasks = Tasks::built_in();
-        let checked = |text: &str| tasks.check_scores(&tasks.parse(text).unwrap(), text);
+        let checked = |text: &str| tasks.check_new(&tasks.parse(text).unwrap(), text);
         let counted = "seed = 1\n[scoring]\npictures = 5\n";
         checked(counted).unwrap();
         let scenes = checked(&format!("task = \"traffic-light\"\n{counted}")).unwrap_err().to_string();

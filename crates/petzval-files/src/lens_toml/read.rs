@@ -694,13 +694,11 @@ impl Reader<'_> {
         };
         let semi_diameter = surface.semi_diameter_mm.as_ref().map(Spanned::span);
         let culprit = Culprit::of(defect);
-        let follows_beam = if culprit == Culprit::SemiDiameter {
+        let measured = measured_surfaces(defect);
+        let follows_beam = if culprit == Culprit::SemiDiameter && measured.is_empty() {
             semi_diameter.is_none()
         } else {
-            measured_surfaces(defect)
-                .into_iter()
-                .filter(|i| *i < file.surface.len())
-                .any(|i| is_open(file, i))
+            measured.into_iter().filter(|i| *i < file.surface.len()).any(|i| is_open(file, i))
         };
         let pupil = &file.aperture.entrance_pupil_diameter_mm;
         let (key, span) = match culprit {

@@ -17,6 +17,7 @@ use crate::error::{JobError, Result};
 use crate::evaluate::camera_of;
 use crate::event::WarningKind;
 use crate::given_psfs;
+use crate::noted_pictures::NotedPictures;
 use crate::pixels::{check_numbers, check_picture};
 use crate::run_page::warn_of_changed_config;
 use crate::simulate::Place;
@@ -227,10 +228,13 @@ pub(crate) fn is_raw(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("dng")) || sidecar_path(path).is_file()
 }
 
-/// Reads a raw frame that fits a sensor.
-pub(crate) fn raw_frame(path: &Path, sensor: &SensorModel) -> Result<RawFrame> {
+/// Reads a raw frame that fits a sensor, and notes an orientation: cameras take pictures as they are stored.
+pub(crate) fn raw_frame(path: &Path, sensor: &SensorModel, pictures: &NotedPictures<'_>) -> Result<RawFrame> {
     let frame = load_raw(path)?;
     check_raw(&frame, sensor, &path.display().to_string())?;
+    if let Some(exif) = frame.info.orientation.filter(|exif| *exif > 1) {
+        pictures.note(path, format!("its orientation is {exif}, and its picture is as the frame is stored"));
+    }
     Ok(frame)
 }
 

@@ -224,7 +224,7 @@ fn check_there(images: &[PathBuf]) -> Result<()> {
 /// Reads a photograph, laid on the sensor, or a raw frame that fits the sensor.
 fn subject(path: &Path, place: Place, cameras: &Cameras, pictures: &NotedPictures<'_>) -> Result<Subject> {
     if is_raw(path) {
-        return Ok(Subject::Raw(Box::new(raw_frame(path, cameras.sensor())?)));
+        return Ok(Subject::Raw(Box::new(raw_frame(path, cameras.sensor(), pictures)?)));
     }
     let light = pictures.light(path).map_err(DesignError::from)?;
     let frame = (cameras.sensor().height, cameras.sensor().width);

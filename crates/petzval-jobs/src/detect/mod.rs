@@ -280,7 +280,7 @@ fn encoded(
     pictures: &NotedPictures<'_>,
 ) -> Result<(LinearImage, bool)> {
     Ok(match camera.filter(|_| is_raw(file)) {
-        Some(camera) => (developed(camera, &raw_frame(file, &camera.body().sensor)?)?, false),
+        Some(camera) => (developed(camera, &raw_frame(file, &camera.body().sensor, pictures)?)?, false),
         None => {
             let light = pictures.light(file).map_err(DesignError::from)?;
             let is_turned = is_picture_turned(file).map_err(DesignError::from)?;

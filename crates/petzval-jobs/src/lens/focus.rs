@@ -185,8 +185,8 @@ pub(super) fn colours_out_of_focus(lens: &Lens) -> Option<String> {
     (there < OUT_OF_FOCUS * here && here > airy_um).then(|| {
         format!(
             "the best focus is that of all wavelengths about their common centroid, and the lens spreads them apart: the spot of one wavelength \
-             is up to {here:.1} um, and {there:.1} um where the image plane lies {:+.4} mm further; to focus single wavelengths, leave one of \
-             them in [wavelengths]",
+             is up to {here:.1} um, and {there:.1} um with the image plane moved by {:+.4} mm; to focus single wavelengths, leave one of them in \
+             [wavelengths]",
             of_colours.image_distance_mm() - lens.image_distance_mm()
         )
     })

@@ -25,7 +25,7 @@ impl Constraint {
             let bound = format!("at most {}", short(greatest_rad.to_degrees()));
             Some(Stated { value: tangent.atan().to_degrees(), unit: "degrees", bound })
         };
-        match *self {
+        let stated = match *self {
             Self::Edge { least_mm, .. }
             | Self::Centre { least_mm, .. }
             | Self::Air { least_mm, .. }
@@ -70,7 +70,9 @@ impl Constraint {
                 let value = 100.0 * (least - excess_mm / scale_mm);
                 Some(Stated { value, unit: "%", bound: format!("at least {}", short(100.0 * least)) })
             }
-        }
+        };
+        // Field 0 has no distortion.
+        stated.filter(|stated| stated.value.is_finite())
     }
 }
 
@@ -86,9 +88,17 @@ fn between([least, most]: [f64; 2]) -> String {
     }
 }
 
-/// A bound to a thousandth, without zeros at its end.
+/// A bound to a thousandth, and a small one to three digits, without zeros at its end.
 fn short(value: f64) -> String {
-    let text = format!("{value:.3}");
+    if value == 0.0 {
+        return "0".to_owned();
+    }
+    let text = if value.abs() < 0.1 {
+        let decimals = (2.0 - value.abs().log10().floor()) as usize;
+        format!("{value:.decimals$}")
+    } else {
+        format!("{value:.3}")
+    };
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
@@ -99,6 +109,7 @@ mod tests {
     #[test]
     fn bounds_are_as_they_were_given() {
         assert_eq!([short(11.0), short(0.5), short(49.9999), short(-3.25)], ["11", "0.5", "50", "-3.25"]);
+        assert_eq!([short(0.0), short(-0.0), short(0.01), short(-0.000_12)], ["0", "0", "0.01", "-0.00012"]);
         assert_eq!(between([24.0, 25.0]), "from 24 to 25");
         assert_eq!(between([50.0001, 999_999.999_9]), "at least 50");
         assert_eq!(between([-999_999.999_9, 8.0]), "at most 8");

@@ -23,6 +23,7 @@ pub use wavefront::RmsWavefront;
 
 use nalgebra::DMatrix;
 
+use crate::constraint::Constraint;
 use crate::gradient::LensGradient;
 use crate::lens::Lens;
 use crate::number::Number;
@@ -95,6 +96,11 @@ pub trait Merit: Send + Sync {
     /// something else. These rays lend their curvature to a merit that is a single figure: by [`lifted_normal_equations`] where high values are
     /// better, and by their spot, scaled to the size of the figure, where low values are.
     fn fields_of_rays(&self, _lens: &Lens) -> Option<Vec<(f64, f64)>> {
+        None
+    }
+
+    /// The constraint whose violation it is; `None` of other figures.
+    fn bound(&self) -> Option<&Constraint> {
         None
     }
 

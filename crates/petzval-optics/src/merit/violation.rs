@@ -22,6 +22,10 @@ impl Merit for Violation {
         Better::Lower
     }
 
+    fn bound(&self) -> Option<&Constraint> {
+        Some(&self.0)
+    }
+
     fn value(&self, lens: &Lens) -> Option<f64> {
         penalty(std::slice::from_ref(&self.0), lens).map(|(square, _)| square.sqrt())
     }

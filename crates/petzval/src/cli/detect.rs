@@ -169,15 +169,17 @@ fn print_scores(scores: &Scores) {
         let reasons = [
             (
                 *overhanging,
-                "boxes reach out of their picture: pycocotools takes them whole, all other figures the part inside",
+                "boxes that reach out of their picture",
+                "takes them whole, all other figures the part inside",
             ),
             (
                 *ignored,
-                "objects have `ignore` or are thinner than a pixel: pycocotools judges them, all other figures do not",
+                "objects with `ignore` or thinner than a pixel",
+                "judges them, all other figures do not",
             ),
         ];
-        for (count, reason) in reasons.iter().filter(|(count, _)| *count > 0) {
-            outln!("                   {count} {reason}");
+        for (count, what, difference) in reasons.iter().filter(|(count, ..)| *count > 0) {
+            outln!("                   {what}: {count}; pycocotools {difference}");
         }
     }
     let sizes = |of: [Option<f64>; 3]| {

@@ -11,6 +11,7 @@ use petzval_optics::pupil::chief_ray;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::operand::as_it_stands;
 use crate::finite::finite;
 
 /// A limit counts as violated from here, mm.
@@ -99,18 +100,22 @@ impl From<Stated> for Reached {
     }
 }
 
-/// A limit that a lens of these clear semi-diameters violates by a length, mm: the figure and its bound.
-pub(super) fn violation_in_words(what: &Constraint, lens: &Lens, excess_mm: f64) -> String {
-    match what.stated(lens, excess_mm) {
+/// A limit that a lens with fitted apertures violates by a length, mm: the figure and its bound.
+pub(super) fn violation_in_words(
+    problem: &Problem,
+    what: &Constraint,
+    fitted: &Lens,
+    excess_mm: f64,
+) -> String {
+    match stated(&as_it_stands(problem, what), fitted) {
         Some(Stated { value, unit, bound }) => format!("{what}: {value:.4} {unit}, {bound}"),
         None => format!("{what}, by {excess_mm:.4} mm"),
     }
 }
 
-/// What a lens with fitted apertures reaches of a constraint.
-fn reached(bound: &Constraint, fitted: &Lens) -> Option<Reached> {
-    let excess_mm = bound.excess_mm(fitted, &SemiDiameters(fitted))?;
-    bound.stated(fitted, excess_mm).map(Reached::from)
+/// What a lens with fitted apertures reaches of a constraint, at these apertures.
+fn stated(bound: &Constraint, fitted: &Lens) -> Option<Stated> {
+    bound.stated(fitted, bound.excess_mm(fitted, &SemiDiameters(fitted))?)
 }
 
 impl Figures {
@@ -183,21 +188,15 @@ impl Figures {
             .then(|| chief_ray(&sequence, outermost))
             .flatten();
         let goals = || problem.goals.iter().zip(analysis.goals.iter().copied());
-        // The goal of an operand that binds has no weight, and stands in the order of the constraints.
-        let mut bounds = problem.further.iter();
-        let mut figure = |(goal, value): (&MeritGoal, f64)| {
-            let (unit, binds) = (goal.merit.unit().to_owned(), goal.weight_um == 0.0 && goal.target == 0.0);
-            let bound = if binds && unit == "mm" { bounds.next() } else { None };
-            OperandFigure {
-                of: goal.merit.name(),
-                value,
-                target: goal.target,
-                missed_by: goal.merit.better().loss(value, goal.target).max(0.0),
-                reached: bound.and_then(|bound| reached(bound, lens)),
-                unit,
-            }
+        let figure = |(goal, value): (&MeritGoal, f64)| OperandFigure {
+            of: goal.merit.name(),
+            value,
+            target: goal.target,
+            missed_by: goal.merit.better().loss(value, goal.target).max(0.0),
+            reached: goal.merit.bound().and_then(|bound| stated(bound, lens)).map(Reached::from),
+            unit: goal.merit.unit().to_owned(),
         };
-        let operands = goals().filter(|(goal, _)| !is_restored(goal)).map(&mut figure).collect();
+        let operands = goals().filter(|(goal, _)| !is_restored(goal)).map(figure).collect();
         let distortion = chief
             .map(|c| c.y_mm / (image_height_per_tangent(&sequence) * rectilinear_tangent(outermost)) - 1.0);
         Self {
@@ -212,7 +211,10 @@ impl Figures {
             track_to_the_image_mm: lens.axis_length_mm(),
             largest_clear_diameter_mm: widest,
             distortion_percent: distortion.map(|share| 100.0 * share).and_then(finite),
-            violations: violations.iter().map(|(what, mm)| violation_in_words(what, lens, *mm)).collect(),
+            violations: violations
+                .iter()
+                .map(|(what, mm)| violation_in_words(problem, what, lens, *mm))
+                .collect(),
             violations_mm: violations.into_iter().map(|(what, mm)| (what.to_string(), mm)).collect(),
         }
     }

@@ -176,7 +176,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         let wavelengths_um = problem.merit.wavelengths_um.clone();
         let seen = Lens { fields_deg, wavelengths_um, ..fitted.clone() };
         if let Some(said) = colours_out_of_best_focus(&seen) {
-            context.warning(WarningKind::OutOfFocus, said);
+            context.warning(WarningKind::OutOfFocus, format!("the best lens: {said}"));
         }
     }
     history.write_page(&page::page(&problem, &found, before.as_ref(), &fitted))?;

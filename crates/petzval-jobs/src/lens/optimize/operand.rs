@@ -38,9 +38,6 @@ pub(super) fn goals_of(operand: &Operand, problem: &Problem) -> Result<(Vec<Goal
     };
     let field_rad = operand.field_deg.map_or(problem.merit.outermost_field_rad(), f64::to_radians);
     let [least, most] = [operand.at_least.unwrap_or(-FAR_MM), operand.at_most.unwrap_or(FAR_MM)];
-    // A range that is no wider than the margins is aimed at in its middle.
-    let margin_mm = INSIDE_MM.min(0.5 * (most - least));
-    let between_mm = [least + margin_mm, most - margin_mm];
     let traded = match operand.of {
         Figure::Mtf => {
             let kind = if operand.waves { PsfKind::Diffraction } else { PsfKind::Geometric };
@@ -54,23 +51,30 @@ pub(super) fn goals_of(operand: &Operand, problem: &Problem) -> Result<(Vec<Goal
         Figure::Wavefront => at_each(&|fields| Arc::new(RmsWavefront { fields }), most),
         _ => Vec::new(),
     };
-    let bound = match operand.of {
-        Figure::Mtf | Figure::Spot | Figure::Wavefront => None,
-        Figure::FocalLength => Some(Constraint::FocalLength { between_mm }),
-        Figure::BackFocalLength => Some(Constraint::BackFocal { between_mm }),
-        Figure::Track => Some(Constraint::Track { most_mm: most - INSIDE_MM }),
-        Figure::Distortion => Some(Constraint::Distortion { field_rad, share: most * (1.0 - INSIDE) }),
-        Figure::ChiefRayAngle => {
-            let greatest_rad = (most * (1.0 - INSIDE)).to_radians();
-            Some(Constraint::ChiefRayAngle { field_rad, greatest_rad })
-        }
-        Figure::ImageHeight => {
-            let [low, high] = between_mm;
-            let (wanted_mm, tolerance_mm) = (0.5 * (low + high), 0.5 * (high - low));
-            Some(Constraint::ChiefHeight { field_rad, wanted_mm, tolerance_mm })
+    let bound = |inside_mm: f64, inside: f64| {
+        // A range that is no wider than the margins is aimed at in its middle.
+        let margin_mm = inside_mm.min(0.5 * (most - least));
+        let between_mm = [least + margin_mm, most - margin_mm];
+        match operand.of {
+            Figure::Mtf | Figure::Spot | Figure::Wavefront => None,
+            Figure::FocalLength => Some(Constraint::FocalLength { between_mm }),
+            Figure::BackFocalLength => Some(Constraint::BackFocal { between_mm }),
+            Figure::Track => Some(Constraint::Track { most_mm: most - inside_mm }),
+            Figure::Distortion => Some(Constraint::Distortion { field_rad, share: most * (1.0 - inside) }),
+            Figure::ChiefRayAngle => {
+                let greatest_rad = (most * (1.0 - inside)).to_radians();
+                Some(Constraint::ChiefRayAngle { field_rad, greatest_rad })
+            }
+            Figure::ImageHeight => {
+                let [low, high] = between_mm;
+                let (wanted_mm, tolerance_mm) = (0.5 * (low + high), 0.5 * (high - low));
+                Some(Constraint::ChiefHeight { field_rad, wanted_mm, tolerance_mm })
+            }
         }
     };
-    let reported = bound.map(|bound| Goal { merit: Arc::new(Violation(bound)), target: 0.0, weight_um: 0.0 });
+    let as_it_stands = bound(0.0, 0.0);
+    let reported =
+        as_it_stands.map(|bound| Goal { merit: Arc::new(Violation(bound)), target: 0.0, weight_um: 0.0 });
     let goals: Vec<Goal> = traded.into_iter().chain(reported).collect();
     if let Some(lost) = goals.iter().find(|goal| goal.merit.value(&lens).is_none()) {
         let name = lost.merit.name();
@@ -85,7 +89,15 @@ pub(super) fn goals_of(operand: &Operand, problem: &Problem) -> Result<(Vec<Goal
         let message = format!("{name}: the lens to start from has no such figure");
         return Err(JobError::input(message, "improve its spots first, or leave the operand out"));
     }
-    Ok((goals, bound))
+    Ok((goals, bound(INSIDE_MM, INSIDE)))
+}
+
+/// A constraint of a problem as it stands in its file: the bound of an operand is taken a little more strictly.
+pub(super) fn as_it_stands(problem: &Problem, what: &Constraint) -> Constraint {
+    // The operands that bind are in the same order in both.
+    let stated = problem.goals.iter().filter_map(|goal| goal.merit.bound());
+    let mut pairs = problem.further.iter().zip(stated);
+    pairs.find(|(taken, _)| *taken == what).map_or(*what, |(_, stated)| *stated)
 }
 
 /// A bound that no lens meets.

@@ -92,7 +92,7 @@ pub(super) fn named_violations(problem: &Problem, analysis: &Analysis) -> Vec<St
     }
     let fitted = analysis.fitted_lens(problem);
     let broken = analysis.violations.iter().filter(|(_, mm)| *mm > VIOLATED_MM);
-    broken.map(|(what, mm)| violation_in_words(what, &fitted, *mm)).collect()
+    broken.map(|(what, mm)| violation_in_words(problem, what, &fitted, *mm)).collect()
 }
 
 pub(super) fn violations(analysis: &Analysis) -> usize {

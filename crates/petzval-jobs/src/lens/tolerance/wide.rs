@@ -20,7 +20,7 @@ pub(crate) fn warn_of_wide_tolerances(
     let path = path.map_or_else(String::new, |path| path.display().to_string());
     for wide in &file.wide {
         let line = wide.line.map_or_else(String::new, |line| format!(":{line}"));
-        let text = format!("{path}{line}: `{} = {}`: {}", wide.key, wide.value, wide.message);
+        let text = format!("{path}{line}: `{} = {}`: {} ({name})", wide.key, wide.value, wide.message);
         context.warning(WarningKind::LensFile, text);
     }
     for p in &tolerances.perturbations {
@@ -30,7 +30,7 @@ pub(crate) fn warn_of_wide_tolerances(
         };
         if !is_of_the_file {
             let text = format!(
-                "{name}: {}: the tolerance of {} mm of the grade is wider than the {room_mm} mm that are there; some lenses cannot be built",
+                "{name}: {}: the tolerance of {} mm of the grade is wider than the {room_mm:.4} mm that are there; some lenses cannot be built",
                 p.freedom.name(),
                 p.tolerance
             );

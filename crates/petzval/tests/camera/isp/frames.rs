@@ -264,7 +264,7 @@ fn pictures_are_turned_as_their_frames_say_and_so_is_what_is_tuned() {
         let run = run_ok(folder.path(), &[&tune(reference, out)[..], &["--json"]].concat());
         (run.json()["start"].as_f64().unwrap(), run.says("its reference is turned by an orientation"))
     };
-    let sizes = ["left.png: 32 x 48 pixels", "left.tiff has 48 x 32"];
+    let sizes = ["left.png: 48 x 32 pixels", "left.tiff has 32 x 48"];
     run_fails(folder.path(), &tune("stored", "no"), 2, &sizes);
     let (score, _) = start("turned", "quarter");
     assert!(score > 40.0, "{score}");
