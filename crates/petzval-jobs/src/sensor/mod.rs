@@ -47,9 +47,6 @@ impl From<CaptureError> for JobError {
             CaptureError::Contradiction { .. } => {
                 "correct the list or the sidecar, or remove a sidecar that belongs to another frame"
             }
-            CaptureError::AboveWhite { .. } => {
-                "correct `white_level_dn`, the digital number of saturation, or take the line out of the sidecar"
-            }
             CaptureError::Value { .. } => {
                 "check `bits`, and that the frames hold digital numbers as the camera gave them"
             }

@@ -207,16 +207,6 @@ pub enum CaptureError {
         /// Where in the list.
         place: String,
     },
-    /// Samples of a frame lie above the white level of its sidecar or header.
-    #[error("{}: the frame's sidecar or header says white_level_dn = {white_dn}, and {percent:.1} % of the samples are above it", path.display())]
-    AboveWhite {
-        /// The frame.
-        path: PathBuf,
-        /// The stated white level, DN.
-        white_dn: f64,
-        /// Share of the samples above it, percent.
-        percent: f64,
-    },
     /// A frame has a digital number that its converter cannot give.
     #[error("{}: digital number {value} at row {row}, column {col}; a converter of {bits} bits gives at most {max}", path.display())]
     Value {

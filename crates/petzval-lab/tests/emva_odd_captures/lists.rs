@@ -306,7 +306,7 @@ fn a_sidecar_that_contradicts_the_list_is_an_error() {
         ("cfa = \"RGGB\"", "cfa = RGGB", "[sensor], says mono"),
         ("bits = 14", "bits = 14", "[sensor], says 12"),
         ("black_level_dn = 64.0", "black_level_dn = 64", "[sensor], says 119"),
-        ("temperature_c = 60.0", "temperature_c = 60", "[sensor], says 25"),
+        ("temperature_c = 60.0", "temperature_c = 60", "[sensor], says 25 (they may differ by 10 °C)"),
     ] {
         let error = says(text).unwrap_err();
         assert!(error.contains("flat-5ms-1.png: ") && error.contains("captures.toml, "), "{error}");
@@ -314,15 +314,12 @@ fn a_sidecar_that_contradicts_the_list_is_an_error() {
     }
     // What a camera rounds is no contradiction.
     says(
-        "linear_gain = 1.001\nexposure_s = 0.005004\nbits = 12\nblack_level_dn = 119.2\ntemperature_c = 26.5",
+        "linear_gain = 1.001\nexposure_s = 0.005004\nbits = 12\nblack_level_dn = 119.2\ntemperature_c = 34.5",
     )
     .unwrap();
 
-    // Nor is a white level that the samples do not pass; one far below them is.
-    says("white_level_dn = 4095.0").unwrap();
-    let error = says("white_level_dn = 200.0").unwrap_err();
-    assert!(
-        error.contains("flat-5ms-1.png: ") && error.contains("white_level_dn = 200, and 100.0 % of"),
-        "{error}"
-    );
+    // Nor is a white level: it is the mean reading of a full well, and saturated samples may lie above it.
+    for white_dn in [200, 4095] {
+        says(&format!("white_level_dn = {white_dn}.0")).unwrap();
+    }
 }
