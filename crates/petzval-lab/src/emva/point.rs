@@ -484,42 +484,52 @@ const LEAST_FINGERPRINT: usize = 64;
 /// Share of the pixels above which those that differ from their neighbours show noise: stuck pixels are fewer.
 const NOISY_SHARE: f64 = 0.01;
 
-/// Share of the rows, and of the columns, above which they do: rows of metadata, dead lines and the corners of both are fewer.
+/// Number of pixels, few steps off their neighbours, from which on they show noise in a frame of any size: so many are never equal by chance.
+const LEAST_FLIPS: usize = 500;
+
+/// Most digital numbers by which little noise moves a pixel: one step, also of 12 bits that are left-aligned in 16. Stuck pixels are further off.
+const MOST_FLIP_DN: u16 = 16;
+
+/// Share of the rows, and of the columns, above which noise has such pixels: rows of metadata, dead lines and the corners of both are fewer.
 const NOISY_LINES: f64 = 0.1;
 
 /// A hash of the digital numbers of a frame in which noise is to be expected. Other frames have none, because separate exposures of them are equal:
 /// saturated pixels have no noise, and stuck pixels, dead lines and metadata are the same in every frame.
-///
-/// Noise makes a pixel differ both from the next one to the left and from the next one above of the same place in the `tile` of the colour filter
-/// array.
 fn fingerprint(dn: &[u16], width: usize, tile: [usize; 2]) -> Option<u64> {
     // A few pixels may be equal by chance.
     if dn.len() < LEAST_FINGERPRINT {
         return None;
     }
-    let ([down, right], height) = (tile, dn.len() / width);
-    let (mut pixels, mut rows, mut is_noisy) = (0, 0, vec![false; width]);
-    for row in down..height {
-        let (own, above) = (&dn[row * width..][..width], &dn[(row - down) * width..][..width]);
-        let before = pixels;
-        for col in right..width {
-            if own[col] != own[col - right] && own[col] != above[col] {
-                pixels += 1;
-                is_noisy[col] = true;
-            }
-        }
-        rows += usize::from(pixels > before);
-    }
-    let columns = is_noisy.iter().filter(|is_noisy| **is_noisy).count();
-    let is_above = |count: usize, of: usize, share: f64| count as f64 > share * of as f64;
-    let has_noise = is_above(pixels, dn.len(), NOISY_SHARE)
-        && is_above(rows, height, NOISY_LINES)
-        && is_above(columns, width, NOISY_LINES);
+    let differ = |a: u16, b: u16| a != b;
+    let flip = |a: u16, b: u16| (1..=MOST_FLIP_DN).contains(&a.abs_diff(b));
+    let has_noise = scattered(dn, width, tile, differ) as f64 > NOISY_SHARE * dn.len() as f64
+        || scattered(dn, width, tile, flip) >= LEAST_FLIPS;
     has_noise.then(|| {
         let mut hasher = DefaultHasher::new();
         dn.hash(&mut hasher);
         hasher.finish()
     })
+}
+
+/// Number of pixels that `differ` both from the next one to the left and from the next one above of the same place in the `tile` of the colour filter
+/// array; 0 if they are in few rows or columns.
+fn scattered(dn: &[u16], width: usize, tile: [usize; 2], differ: impl Fn(u16, u16) -> bool) -> usize {
+    let ([down, right], height) = (tile, dn.len() / width);
+    let (mut pixels, mut rows, mut has_some) = (0, 0, vec![false; width]);
+    for row in down..height {
+        let (own, above) = (&dn[row * width..][..width], &dn[(row - down) * width..][..width]);
+        let before = pixels;
+        for col in right..width {
+            if differ(own[col], own[col - right]) && differ(own[col], above[col]) {
+                pixels += 1;
+                has_some[col] = true;
+            }
+        }
+        rows += usize::from(pixels > before);
+    }
+    let columns = has_some.iter().filter(|has_some| **has_some).count();
+    let is_spread = |count: usize, of: usize| count as f64 > NOISY_LINES * of as f64;
+    if is_spread(rows, height) && is_spread(columns, width) { pixels } else { 0 }
 }
 
 /// Index of each colour of the tile, rows of columns.
@@ -641,6 +651,37 @@ mod tests {
         // Colours that end at numbers of their own.
         let ends = [3900, 4031, 4031, 3950];
         none(&frame(|i| ends[i / WIDTH % 2 * 2 + i % 2]), [2, 2]);
+    }
+
+    #[test]
+    fn scattered_flips_show_noise_in_a_large_frame_and_stuck_pixels_do_not() {
+        let side = 300;
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(5);
+        // One pixel of 140: 640 of the frame, less than a hundredth, in most of the rows and columns.
+        let is_rare: Vec<bool> = (0..side * side).map(|_| rng.random::<f64>() < 1.0 / 140.0).collect();
+        let of = |usual: u16, rare: u16| -> Vec<u16> {
+            is_rare.iter().map(|is_rare| if *is_rare { rare } else { usual }).collect()
+        };
+        // Dark frames of little noise, also left-aligned.
+        for (usual, rare) in [(64, 65), (1024, 1040)] {
+            let print = fingerprint(&of(usual, rare), side, [1, 1]);
+            assert!(print.is_some(), "{usual} {rare}");
+            let mut other = of(usual, rare);
+            other[0] += 1;
+            assert_ne!(print, fingerprint(&other, side, [1, 1]));
+        }
+        // A saturated sensor with as many stuck pixels, a dead column, a dead row and two rows of metadata.
+        for stuck in [64, 2000, 4095] {
+            let mut saturated = of(4031, stuck);
+            for i in 0..side {
+                saturated[i * side + 20] = 64;
+                saturated[30 * side + i] = 64;
+            }
+            for (i, dn) in saturated[..2 * side].iter_mut().enumerate() {
+                *dn = (i * 37 % 251) as u16;
+            }
+            assert_eq!(fingerprint(&saturated, side, [1, 1]), None, "{stuck}");
+        }
     }
 
     #[test]
