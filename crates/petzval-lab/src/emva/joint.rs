@@ -64,16 +64,20 @@ pub struct GainRow {
 impl GainRow {
     /// Error of K_g by noise alone, DN/e-.
     fn gain_noise_error(&self) -> Option<f64> {
-        let all = self.gain_dn_per_e.standard_error()?;
-        Some((all * all - self.gain_model_error_dn_per_e.powi(2)).max(0.0).sqrt())
+        by_noise(self.gain_dn_per_e, self.gain_model_error_dn_per_e).standard_error()
     }
 
     /// K_g with that error: what all gains share is added to their mean.
     fn gain_by_noise(&self) -> Measured {
-        match (self.gain_dn_per_e.value(), self.gain_noise_error()) {
-            (Some(value), Some(noise)) => Measured::new(value, noise),
-            _ => self.gain_dn_per_e,
-        }
+        by_noise(self.gain_dn_per_e, self.gain_model_error_dn_per_e)
+    }
+}
+
+/// A gain with the error of noise alone, without the part `of_model` of its error, DN/e-.
+fn by_noise(gain: Measured, of_model: f64) -> Measured {
+    match (gain.value(), gain.standard_error()) {
+        (Some(value), Some(se)) => Measured::new(value, (se * se - of_model * of_model).max(0.0).sqrt()),
+        _ => gain,
     }
 }
 
@@ -278,8 +282,8 @@ fn pixel_dark_currents_e(inputs: &[GainInput<'_>], rows: &[GainRow], common: f64
 fn mean_of_gains(gains: impl IntoIterator<Item = (Measured, f64)>) -> (TestedMean, f64) {
     let all: Vec<(Measured, f64)> = gains.into_iter().collect();
     let noise = |(gain, of_model): &(Measured, f64)| {
-        let error = gain.standard_error().map(|se| (se * se - of_model * of_model).max(0.0).sqrt());
-        (gain.value(), error)
+        let gain = by_noise(*gain, *of_model);
+        (gain.value(), gain.standard_error())
     };
     // Weigh by all of the error, so that a gain that departs from its model counts less.
     let (mut weight, mut of_noise, mut of_model) = (0.0, 0.0, 0.0);
@@ -317,11 +321,7 @@ fn row(input: &GainInput<'_>) -> GainRow {
     let (k, of_model) = mean_of_gains(input.gains.iter().copied());
     let k = if input.gains.is_empty() { Measured::none(Unresolved::NoFlat) } else { k.mean };
     // Errors that all gains share are added to their mean, not here.
-    let noise = k.standard_error().map(|se| (se * se - of_model * of_model).max(0.0).sqrt());
-    let k_by_noise = match (k.value(), noise) {
-        (Some(value), Some(noise)) => Measured::new(value, noise),
-        _ => k,
-    };
+    let k_by_noise = by_noise(k, of_model);
     let (mean, variance) = (&input.dark.mean, &input.dark.variance);
     let k_squared = k_by_noise.squared();
     let rounding_of = |noise: f64| RoundingError::of(noise, input.dark.step_dn());
