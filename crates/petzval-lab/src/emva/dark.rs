@@ -2,8 +2,10 @@
 //!
 //! ```text
 //! mean     = K (mu_I t + mu_r) + BL + mu_el                  [DN]
-//! variance = K^2 (mu_I t + sigma_r^2) + sigma_el^2 + 1/12    [DN^2]
+//! variance = K^2 (mu_I t + sigma_r^2) + sigma_el^2 + g^2/12  [DN^2]
 //! ```
+//!
+//! where digital numbers are `g` apart: 1 DN, but for compressed or left-aligned ones.
 
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -12,7 +14,7 @@ use super::fit::{Line, TestedLine, tested_line};
 use super::goodness::{Departure, FitTest, Verdict};
 use super::measured::Unresolved;
 use super::point::{LeftOut, Moments};
-use super::rounding::{RoundingError, coarse_rounding_dn2};
+use super::rounding::RoundingError;
 
 /// Dark frames of one exposure time.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
@@ -142,7 +144,6 @@ pub fn dark_series(mut points: Vec<DarkPoint>) -> DarkSeries {
         mean.line = with(mean.line, rounding.mean_dn);
         mean.by_noise = with(mean.by_noise, rounding.mean_dn);
         variance.line = with(variance.line, rounding.variance_dn2);
-        variance.line.intercept = variance.line.intercept.with_error(coarse_rounding_dn2(step_dn));
     }
     DarkSeries {
         points,
@@ -158,6 +159,20 @@ pub fn dark_series(mut points: Vec<DarkPoint>) -> DarkSeries {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn numbers_further_apart_add_no_error_where_noise_smooths_their_steps() {
+        let point = |i: u32| DarkPoint {
+            exposure_s: f64::from(i),
+            mean_dn: 64.0,
+            mean_se_dn: 0.01,
+            variance_dn2: 64.0,
+            variance_se_dn2: 0.01,
+            step_dn: 4.0,
+        };
+        let intercept = dark_series((0..6).map(point).collect()).variance.intercept;
+        assert!(intercept.standard_error().unwrap() < 0.02, "{intercept:?}");
+    }
 
     #[test]
     fn points_off_their_line_count_at_both_ends() {

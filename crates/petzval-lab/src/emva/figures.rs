@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::dark::{DarkPoint, DarkSeries, dark_series};
 use super::measured::{Measured, Unresolved};
 use super::plane_moments::SharedScatter;
-use super::rounding::{LEAST_DARK_VARIANCE_DN2, QUANTISATION_DN2, coarse_rounding_dn2};
+use super::rounding::{LEAST_DARK_VARIANCE_DN2, QUANTISATION_DN2, rounding_dn2};
 use super::spatial::{Components, Spatial, StackVariances, Variances};
 use super::transfer::PhotonTransfer;
 use super::transfer_point::{Rules, TransferPoint};
@@ -143,8 +143,7 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Value> {
     let dark_variance = match dark.variance.intercept.value() {
         Some(_) => dark.variance.intercept,
         None => Measured::new(first.dark_variance_dn2, first.dark_variance_se_dn2)
-            .with_error(first.dark_rounding().variance_dn2)
-            .with_error(coarse_rounding_dn2(first.dark_step_dn)),
+            .with_error(first.dark_rounding().variance_dn2),
     };
     // Dark variance below what a converter of whole numbers resolves is set to that limit, as the standard does. A limit has no
     // error.
@@ -152,7 +151,9 @@ fn values(basis: &Basis<'_>, rules: Rules) -> Vec<Value> {
     let or_limit = |m: Measured| if is_limit { m.limit() } else { m };
     let dark_variance = or_limit(dark_variance.map(|v| v.max(LEAST_DARK_VARIANCE_DN2), |_| 1.0));
     let sigma_y_dark = dark_variance.root();
-    let sigma_d = or_limit(dark_variance.map(|v| v - QUANTISATION_DN2, |_| 1.0).root().over(k));
+    // The library takes numbers for whole ones, and so does the limit.
+    let rounding = if ours && !is_limit { rounding_dn2(first.dark_step_dn) } else { QUANTISATION_DN2 };
+    let sigma_d = or_limit(dark_variance.map(|v| v - rounding, |_| 1.0).root().over(k));
 
     // Sensitivity threshold: dark noise plus half an electron, where the signal-to-noise ratio is one.
     let threshold_dn = match (sigma_y_dark.value(), k.value()) {

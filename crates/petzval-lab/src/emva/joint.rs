@@ -10,7 +10,8 @@
 //!
 //! The temporal noise of rows and columns is a part of the read noise and grows with the gain as it does: its variance over `K_g^2` is
 //! averaged over the gains. Each of the two is a line with weights `1/s^2`, where `s` includes the errors of the intercept, of `K_g` and of
-//! rounding. (Rounding adds 1/12 only to noise that spreads over several digital numbers, see [`super::rounding`].) Averages over single
+//! rounding. (Rounding adds 1/12 only to noise that spreads over several digital numbers, see [`super::rounding`]. For numbers `s` apart it adds
+//! `s^2/12`, and what that is above 1/12 is subtracted from I_g first.) Averages over single
 //! gains (Tseng et al. 2021, supplement 2.3.2) cannot separate them. Captures show only the sum of BL and mu_el: BL is taken from the
 //! setting of the camera. Where black levels are stated gain by gain, their differences to that of the lowest gain are subtracted first.
 //!
@@ -27,7 +28,7 @@ use super::goodness::{FitTest, Model, Points, Verdict, test};
 use super::hot_pixels::PixelDarkCurrents;
 use super::line_noise::LineNoise;
 use super::measured::{Measured, Unresolved};
-use super::rounding::{QUANTISATION_DN2, RoundingError};
+use super::rounding::{QUANTISATION_DN2, RoundingError, coarse_rounding_dn2, rounding_dn2};
 use super::transfer_point::TransferPoint;
 use petzval_camera::sensor::Colour;
 
@@ -54,8 +55,11 @@ pub struct GainRow {
     pub black_shift_dn: f64,
     /// Error of the dark variance by rounding alone, DN^2.
     pub rounding_error_dn2: f64,
-    /// `(I_g - 1/12) / K_g^2`, e-^2: read noise if there were no electronics noise.
+    /// `(I_g - 1/12) / K_g^2`, e-^2: read noise if there were no electronics noise. For numbers `s` apart, `s^2/12` takes the place of 1/12.
     pub naive_read_variance_e2: Measured,
+    /// Distance of the digital numbers in the dark, DN.
+    #[serde(skip)]
+    pub step_dn: f64,
     /// Dark current from the mean less that from the variance, with the errors of noise alone, e-/s.
     #[serde(skip)]
     pub dark_current_difference_e_per_s: Measured,
@@ -189,7 +193,7 @@ pub fn joint_fit(inputs: &[GainInput<'_>], black_level_dn: Option<f64>) -> Joint
             off.iter().fold((0.0, 0.0), |(low, high), (off, _)| (f64::min(low, *off), f64::max(high, *off)));
         high - low > FAR_OFF_DN
     };
-    let variance = line_over_gains(&rows, 2, |r| r.dark_variance_dn2, &far_variance);
+    let variance = line_over_gains(&rows, 2, of_whole_numbers, &far_variance);
     let over_black = |r: &GainRow| r.dark_mean_dn.minus(Measured::exact(r.black_shift_dn));
     let mean = line_over_gains(&rows, 1, over_black, &far_mean);
     let with_common = |fitted: TestedLine, power: f64| Line {
@@ -324,7 +328,8 @@ fn row(input: &GainInput<'_>) -> GainRow {
     let k_by_noise = by_noise(k, of_model);
     let (mean, variance) = (&input.dark.mean, &input.dark.variance);
     let k_squared = k_by_noise.squared();
-    let rounding_of = |noise: f64| RoundingError::of(noise, input.dark.step_dn());
+    let step_dn = input.dark.step_dn();
+    let rounding_of = |noise: f64| RoundingError::of(noise, step_dn);
     let rounding = variance.intercept.value().map(rounding_of).unwrap_or_default();
     GainRow {
         linear_gain: input.linear_gain,
@@ -338,8 +343,17 @@ fn row(input: &GainInput<'_>) -> GainRow {
         dark_mean_dn: mean.intercept,
         black_shift_dn: input.black_shift_dn,
         rounding_error_dn2: rounding.variance_dn2,
-        naive_read_variance_e2: variance.intercept.map(|v| v - QUANTISATION_DN2, |_| 1.0).over(k_squared),
+        naive_read_variance_e2: variance
+            .intercept
+            .map(|v| v - rounding_dn2(step_dn), |_| 1.0)
+            .over(k_squared),
+        step_dn,
     }
+}
+
+/// The intercept of the dark variance as if digital numbers were whole ones, DN^2.
+fn of_whole_numbers(row: &GainRow) -> Measured {
+    row.dark_variance_dn2.map(|v| v - coarse_rounding_dn2(row.step_dn), |_| 1.0)
 }
 
 /// Dark current from the mean less that from the variance, `b / K - v / K^2`, e-/s. Both contain the error of K, which changes the difference by `(2 v / K - b) / K^2`.
@@ -464,4 +478,66 @@ fn ratio_of(ours: &[TransferPoint], green: &[TransferPoint]) -> Measured {
     let of_noise = points.error_of(&weights);
     let (_, departure) = test(&points, Model::ThroughOrigin, &[ratio]);
     Measured::new(ratio, of_noise).with_error(departure.error(0, of_noise))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::dark::{DarkPoint, dark_series};
+    use super::*;
+
+    /// Dark frames of one variance, DN^2, in numbers `step_dn` apart.
+    fn darks(variance_dn2: f64, step_dn: f64) -> DarkSeries {
+        let point = |i: u32| DarkPoint {
+            exposure_s: f64::from(i),
+            mean_dn: 64.0,
+            mean_se_dn: 0.01,
+            variance_dn2,
+            variance_se_dn2: 0.01,
+            step_dn,
+        };
+        dark_series((0..6).map(point).collect())
+    }
+
+    fn input(linear_gain: f64, dark: &DarkSeries) -> GainInput<'_> {
+        let none = Measured::none(Unresolved::NoStack);
+        GainInput {
+            linear_gain,
+            black_shift_dn: 0.0,
+            gains: vec![(Measured::new(linear_gain, 1e-4), 0.0)],
+            dark,
+            line_noise: LineNoise { row_dn2: none, column_dn2: none, pixel_dn2: none },
+            pixels: Err(Unresolved::NoStack),
+            points: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn the_rounding_of_numbers_further_apart_is_subtracted() {
+        // Gains of 1 to 8 DN/e-, a read noise of 5 e-, electronics noise of 6 DN, and steps of 1 to 4 DN.
+        let all = [(1.0, 4.0), (2.0, 1.0), (4.0, 2.0), (8.0, 3.0)];
+        let read_dn2 = |gain: f64| 25.0 * gain * gain;
+        let series = all.map(|(gain, step)| darks(read_dn2(gain) + 36.0 + step * step / 12.0, step));
+        let inputs: Vec<GainInput<'_>> =
+            all.iter().zip(&series).map(|((gain, _), dark)| input(*gain, dark)).collect();
+        let joint = joint_fit(&inputs, None);
+        for (row, (gain, _)) in joint.rows.iter().zip(all) {
+            let naive = row.naive_read_variance_e2.value().unwrap();
+            assert!((naive - (25.0 + 36.0 / (gain * gain))).abs() < 1e-6, "{gain}: {naive}");
+        }
+        let [slope, intercept] = [joint.variance_line.slope, joint.variance_line.intercept];
+        assert!((slope.value().unwrap() - 25.0).abs() < 1e-6, "{slope:?}");
+        assert!((intercept.value().unwrap() - 36.0 - 1.0 / 12.0).abs() < 1e-6, "{intercept:?}");
+    }
+
+    #[test]
+    fn rounding_rules_the_error_of_little_noise_in_wide_steps() {
+        // Half a step of noise and its rounding.
+        let dark = darks(4.8, 4.0);
+        let found = row(&input(1.0, &dark));
+        let se = found.dark_variance_dn2.standard_error().unwrap();
+        assert!(
+            found.rounding_error_dn2 > 0.05 && 2.0 * found.rounding_error_dn2.powi(2) > se * se,
+            "{found:?}"
+        );
+    }
 }

@@ -14,7 +14,7 @@
 //! Rounding also changes by how much pixels or rows seem to differ: [`Steps`].
 //!
 //! Numbers that lie `g` apart, as compressed or left-aligned ones do, are whole numbers in units of `g`. Their rounding adds `g^2 / 12` to the
-//! variance; what that is above `1/12` is an error of the level that all dark points have in common.
+//! variance, which is subtracted in place of `1/12`.
 
 /// Variance of rounding to whole digital numbers, DN^2.
 pub const QUANTISATION_DN2: f64 = 1.0 / 12.0;
@@ -37,6 +37,11 @@ impl RoundingError {
         let noise = least_noise_dn2(variance_dn2 / unit_dn2);
         Self { mean_dn: step_dn * of_mean_dn(noise), variance_dn2: unit_dn2 * of_variance_dn2(noise) }
     }
+}
+
+/// Variance of rounding to numbers `step_dn` apart, DN^2.
+pub(super) fn rounding_dn2(step_dn: f64) -> f64 {
+    step_dn * step_dn * QUANTISATION_DN2
 }
 
 /// Variance of rounding to numbers `step_dn` apart above that of whole numbers, DN^2.
@@ -226,6 +231,7 @@ mod tests {
             let [one, other] = [one.error_of_variance(0.1, 0.01), other.error_of_variance(1.6, 0.16)];
             assert!((other - 16.0 * one).abs() < 1e-9, "{variance_dn2}: {one} {other}");
         }
+        assert!(rounding_dn2(1.0) == QUANTISATION_DN2 && (rounding_dn2(6.0) - 3.0).abs() < 1e-12);
         assert!(coarse_rounding_dn2(1.0) == 0.0 && (coarse_rounding_dn2(5.0) - 2.0).abs() < 1e-12);
     }
 
