@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
 use cpu_time::ProcessTime;
+use petzval_base::Cancel;
 use petzval_base::simd::{level, widest};
 use petzval_jobs::ErrorReport;
 use serde_json::Value;
@@ -28,6 +29,8 @@ pub enum Begun {
     Elsewhere(Option<Claim>),
     /// A file of its folder is damaged.
     Damaged(Box<ErrorReport>),
+    /// It was cancelled while the files of its result were read.
+    Cancelled,
 }
 
 /// What a process does at a unit.
@@ -45,6 +48,8 @@ impl Store {
     /// Begins a unit, unless it has ended or another process has it. One that failed is begun again if `retries`; one whose folder is damaged as well,
     /// and the folder is set aside. If two processes retry a failed unit, one runs it, and its failure is that of both.
     ///
+    /// The files of a result are compared by their sizes; if `retries`, all are read, and `cancel` ends that between two of them.
+    ///
     /// `seen` remembers what claims of others were seen; a process keeps it for as long as it looks.
     pub fn begin(
         &self,
@@ -52,9 +57,10 @@ impl Store {
         holder: &Holder,
         retries: bool,
         seen: &mut Seen,
+        cancel: &Cancel,
     ) -> Result<Begun, StoreError> {
         let key = &prepared.key;
-        let number = match self.next_attempt(key, retries, seen)? {
+        let number = match self.next_attempt(key, retries, seen, cancel)? {
             Next::Begin(number) => number,
             Next::Leave(begun) => return Ok(begun),
         };
@@ -105,11 +111,20 @@ impl Store {
     }
 
     /// What this process does at a unit.
-    fn next_attempt(&self, key: &Key, retries: bool, seen: &mut Seen) -> Result<Next, StoreError> {
+    fn next_attempt(
+        &self,
+        key: &Key,
+        retries: bool,
+        seen: &mut Seen,
+        cancel: &Cancel,
+    ) -> Result<Next, StoreError> {
         // Before the look at the unit: what another process sets aside after that look has this name.
         let aside = retries.then(|| self.name_aside(key));
         let state = match self.state(key, seen)? {
-            UnitState::Done(result) => self.read_in_full(result)?,
+            UnitState::Done(result) if retries => match self.read_in_full(result, seen, cancel)? {
+                Some(state) => state,
+                None => return Ok(Next::Leave(Begun::Cancelled)),
+            },
             other => other,
         };
         let now = self.clock.now();
@@ -274,17 +289,18 @@ impl Attempt {
         }
     }
 
+    /// Keeps the list of its files, all of which are read: for the end of the work, while the claim is still renewed. Without it the files of the result
+    /// are believed. Fails if the store cannot be read or written.
+    pub fn keep_contents(&self) -> Result<(), StoreError> {
+        self.store.keep_contents(self.key(), self.number)
+    }
+
     /// Ends with a response. The first result of a unit counts, and is returned; the files of all others are removed.
     pub fn finish(mut self, response: Value) -> Result<StoredResult, StoreError> {
         let (store, key) = (self.store.clone(), self.key().clone());
         let own = self.folder();
-        let has_files = store.layer.list(&own).is_ok_and(|names| !names.is_empty());
+        let has_files = store.has_files(&own);
         let path = store.result_file(&key);
-        let contents = if has_files { store.contents(&own) } else { Ok(Vec::new()) };
-        if contents.is_err() {
-            // Others need not wait until the claim is stale.
-            let _unended = self.end(Ended::Stopped);
-        }
         let result = StoredResult {
             format: STORE_FORMAT,
             unit: self.prepared.unit.clone(),
@@ -293,7 +309,6 @@ impl Attempt {
             attempt: self.number,
             response,
             files: has_files.then(|| own.file_name().map(PathBuf::from)).flatten(),
-            contents: contents.map_err(StoreError::io(&own))?,
             cost: self.cost(),
             sha256: None,
         };

@@ -5,6 +5,14 @@ use std::path::{Path, PathBuf};
 
 use petzval_jobs::JobError;
 
+/// The number of the error ESTALE: another machine has replaced the file between two requests to the server.
+const STALE: i32 = 116;
+
+/// Whether a file was replaced by another machine between two requests to the server. It is there again at the next look.
+pub(super) fn is_stale(error: &io::Error) -> bool {
+    error.raw_os_error() == Some(STALE)
+}
+
 /// What is wrong with a store.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
@@ -63,5 +71,5 @@ impl From<StoreError> for JobError {
 ///
 /// Jobs pass errors of the system on as text, which ends in its number: ENOSPC, EROFS, EDQUOT, ESTALE, EIO.
 pub(crate) fn is_of_the_disk(message: &str) -> bool {
-    [28, 30, 122, 116, 5].iter().any(|number| message.contains(&format!("(os error {number})")))
+    [28, 30, 122, STALE, 5].iter().any(|number| message.contains(&format!("(os error {number})")))
 }

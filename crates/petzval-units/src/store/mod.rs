@@ -11,7 +11,8 @@
 //! | `work-0001/` | its files: the checkpoint, and in the end the results |
 //! | `error.json` | why the last failed attempt failed |
 //! | `files/` | the results of the attempt that finished |
-//! | `result.json` | the result with the digests of its files and one of its content; written last, exclusively |
+//! | `contents-0001.json` | sizes and digests of the files of the results of an attempt, with a digest of its own; made before `result.json` |
+//! | `result.json` | the result with a digest of its content; written last, exclusively |
 //!
 //! Attempts are numbered. Whoever makes the claim of the next number has the unit, so that no claim is ever removed and no two processes take
 //! over the same one. A claim is stale if its process is known to be gone, or if it has not changed for [`STALE_AFTER`] by the clock of the
@@ -37,6 +38,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
+use self::error::is_stale;
 use self::record::{AttemptRecord, StoreRecord, UnitRecord, is_as_written};
 use crate::unit::{Key, PROGRAM, Prepared, Unit};
 
@@ -46,7 +48,7 @@ pub use error::StoreError;
 pub use gather::{Joined, gather_tolerances, parts_of};
 pub use layer::{Disk, FileLayer};
 pub use petzval_design::run::Holder;
-pub use record::{Claim, Cost, Failure, STORE_FORMAT, StoredFile, StoredResult};
+pub use record::{Claim, Cost, Failure, STORE_FORMAT, StoredResult};
 pub use runner::{Damage, Outcome, RunOptions, Summary, run_all, run_unit};
 pub use state::{Seen, State, UnitState};
 
@@ -156,14 +158,7 @@ impl Store {
     /// The result of a unit; none if it has none yet. Fails if it was edited, or is that of another unit.
     pub fn result(&self, key: &Key) -> Result<Option<StoredResult>, StoreError> {
         let path = self.result_file(key);
-        let Some(bytes) = self.bytes_if_there(&path)? else { return Ok(None) };
-        // The digest is that of the file. A `StoredResult` may add fields that have a default.
-        let written: Value = self.parse(&bytes, &path)?;
-        if !is_as_written(&written) {
-            let message = "this is not what the unit wrote: its content does not agree with its `sha256`";
-            return Err(StoreError::wrong(&path, message, PUT_BACK));
-        }
-        let result: StoredResult = self.parse(&bytes, &path)?;
+        let Some(result) = self.read_as_written::<StoredResult>(&path)? else { return Ok(None) };
         // A file that was copied by hand: its figures are those of other values.
         if result.key != *key {
             let (name, short) = (&result.unit.name, result.key.short());
@@ -197,6 +192,10 @@ impl Store {
         self.folder(key).join(format!("log-{number:04}.jsonl"))
     }
 
+    fn contents_file(&self, key: &Key, number: u32) -> PathBuf {
+        self.folder(key).join(format!("contents-{number:04}.json"))
+    }
+
     fn work_folder(&self, key: &Key, number: u32) -> PathBuf {
         self.folder(key).join(format!("work-{number:04}"))
     }
@@ -218,14 +217,23 @@ impl Store {
         self.bytes_if_there(path)?.map(|bytes| self.parse(&bytes, path)).transpose()
     }
 
+    /// The value in a file that has a digest of its content; none if there is no such file. Fails if the file was edited.
+    fn read_as_written<T: DeserializeOwned>(&self, path: &Path) -> Result<Option<T>, StoreError> {
+        let Some(bytes) = self.bytes_if_there(path)? else { return Ok(None) };
+        // The digest is that of the file. A value may add fields that have a default.
+        let written: Value = self.parse(&bytes, path)?;
+        if !is_as_written(&written) {
+            let message = "this is not what the unit wrote: its content does not agree with its `sha256`";
+            return Err(StoreError::wrong(path, message, PUT_BACK));
+        }
+        self.parse(&bytes, path).map(Some)
+    }
+
     /// The content of a file; none if there is no such file.
     fn bytes_if_there(&self, path: &Path) -> Result<Option<Vec<u8>>, StoreError> {
         match self.layer.read(path) {
             Ok(bytes) => Ok(Some(bytes)),
-            // ESTALE: another machine has replaced the file between two requests to the server. It is there again at the next look.
-            Err(error) if error.kind() == ErrorKind::NotFound || error.raw_os_error() == Some(116) => {
-                Ok(None)
-            }
+            Err(error) if error.kind() == ErrorKind::NotFound || is_stale(&error) => Ok(None),
             Err(error) => Err(StoreError::io(path)(error)),
         }
     }

@@ -111,15 +111,37 @@ pub struct Cost {
 }
 
 /// A file of the results of a unit.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct StoredFile {
+pub(super) struct StoredFile {
     /// Its path below the folder of results, with slashes.
     pub path: String,
     /// Its size, bytes.
     pub bytes: u64,
     /// SHA-256 of its content, hexadecimal.
     pub sha256: String,
+}
+
+/// `contents-N.json`: the files of the results of attempt N when it ended. It is written before `result.json`. It is a file of its own: an earlier
+/// build takes a result with a field that it does not know for a damaged one.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ContentsRecord {
+    /// Version of the store.
+    pub format: u32,
+    /// The files, in the order of their paths.
+    pub files: Vec<StoredFile>,
+    /// SHA-256 of all the rest as JSON with sorted keys, hexadecimal.
+    pub sha256: String,
+}
+
+impl ContentsRecord {
+    /// A list of files with its digest. Fails if it cannot be JSON.
+    pub fn new(files: Vec<StoredFile>) -> serde_json::Result<Self> {
+        let record = Self { format: STORE_FORMAT, files, sha256: String::new() };
+        let sha256 = digest(&serde_json::to_value(&record)?);
+        Ok(Self { sha256, ..record })
+    }
 }
 
 /// `result.json`: the result of a unit. It is written last, once.
@@ -141,9 +163,6 @@ pub struct StoredResult {
     /// Folder of the results in the folder of the unit when the result was written; none if the job wrote nothing. It is called `files` as soon as
     /// it could be renamed.
     pub files: Option<PathBuf>,
-    /// The files of the results when the unit ended, in the order of their paths. Empty in a result of an earlier build, whose files are believed.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub contents: Vec<StoredFile>,
     /// What it cost.
     pub cost: Cost,
     /// SHA-256 of all the rest as JSON with sorted keys, hexadecimal: an edited result is not believed. None in a result of an earlier build, which
@@ -161,14 +180,14 @@ impl StoredResult {
     }
 }
 
-/// Whether the JSON of a result agrees with its `sha256`, or has none.
-pub(super) fn is_as_written(result: &Value) -> bool {
-    result.get("sha256").is_none_or(|written| written.as_str() == Some(digest(result).as_str()))
+/// Whether the JSON of a record agrees with its `sha256`, or has none.
+pub(super) fn is_as_written(record: &Value) -> bool {
+    record.get("sha256").is_none_or(|written| written.as_str() == Some(digest(record).as_str()))
 }
 
-/// The digest of the JSON of a result, without its `sha256`.
-fn digest(result: &Value) -> String {
-    let mut rest = result.clone();
+/// The digest of the JSON of a record, without its `sha256`.
+fn digest(record: &Value) -> String {
+    let mut rest = record.clone();
     if let Some(keys) = rest.as_object_mut() {
         keys.remove("sha256");
     }
@@ -265,5 +284,18 @@ mod tests {
         let text = serde_json::to_string_pretty(&result.with_digest().unwrap()).unwrap();
         let written: Value = serde_json::from_str(&text).unwrap();
         assert!(written["sha256"].is_string() && is_as_written(&written));
+    }
+
+    #[test]
+    fn a_list_of_files_has_a_digest_that_shows_an_edit() {
+        let file = StoredFile { path: "é/a".to_owned(), bytes: 7, sha256: "00ff".to_owned() };
+        let written = serde_json::to_value(ContentsRecord::new(vec![file]).unwrap()).unwrap();
+        assert!(is_as_written(&written));
+        let mut edited = written.clone();
+        edited["files"][0]["bytes"] = 8.into();
+        assert!(!is_as_written(&edited));
+        // A list always has its digest.
+        edited.as_object_mut().unwrap().remove("sha256");
+        assert!(serde_json::from_value::<ContentsRecord>(edited).is_err());
     }
 }

@@ -23,8 +23,8 @@ use petzval_design::run::Holder;
 /// How units are run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RunOptions {
-    /// Run units again that have failed, or whose folder is damaged. If two processes retry a unit at the same time, one runs it; its failure is that
-    /// of both.
+    /// Run units again that have failed, or whose folder is damaged. All files of results are read for that; else only their sizes are compared. If two
+    /// processes retry a unit at the same time, one runs it; its failure is that of both.
     pub retries: bool,
     /// Do not wait for units that other processes are working on.
     pub leaves_others: bool,
@@ -176,12 +176,16 @@ pub(crate) fn run_prepared(
     options: RunOptions,
     seen: &mut Seen,
 ) -> Result<Outcome> {
-    let attempt = match store.begin(prepared, Holder::own(), options.retries, seen)? {
+    let attempt = match store.begin(prepared, Holder::own(), options.retries, seen, context.cancel())? {
         Begun::Mine(attempt) => attempt,
         Begun::Done(result) => return Ok(Outcome::There(result)),
         Begun::Failed(failure) => return Ok(Outcome::Failed(failure)),
         Begun::Elsewhere(_) => return Ok(Outcome::Elsewhere),
         Begun::Damaged(error) => return Ok(Outcome::Damaged(error)),
+        Begun::Cancelled => {
+            let stopped = Stopped::new("stopped while the files of a result were read");
+            return Ok(Outcome::Stopped(Box::new(stopped)));
+        }
     };
     context.note(match attempt.number() {
         1 => format!("unit {}", prepared.unit.name),
@@ -211,13 +215,19 @@ pub(crate) fn run_prepared(
             attempt.cpu_seconds_before()
         ));
     }
-    let (attempt, made) = kept_alive(*attempt, context, || work(&place, prepared, store, &own, &log));
+    let number = attempt.number();
+    let (attempt, made) = kept_alive(*attempt, context, || {
+        let response = work(&place, prepared, store, &own, &log)?;
+        // Many files may take longer to read than a claim lives.
+        Ok((response, store.keep_contents(&prepared.key, number)))
+    });
     warn_of_a_jump(day, time, &own);
     match made {
-        Ok(response) => {
+        Ok((response, Ok(()))) => {
             let result = attempt.finish(response)?;
             Ok(Outcome::Done(Box::new(result)))
         }
+        Ok((_, Err(error))) => unlisted(attempt, error, prepared, store),
         Err(error) => ended_without(attempt, error, prepared, store),
     }
 }
@@ -253,6 +263,17 @@ fn ended_without(attempt: Attempt, error: JobError, prepared: &Prepared, store: 
         }
         error => Ok(Outcome::Failed(Box::new(attempt.fail(error.report())?))),
     }
+}
+
+/// How a unit ends whose files could not be listed. The unit is not to blame.
+fn unlisted(attempt: Attempt, error: StoreError, prepared: &Prepared, store: &Store) -> Result<Outcome> {
+    // The files of this attempt were removed once another one had finished.
+    if let Some(result) = store.result(&prepared.key)? {
+        return Ok(Outcome::There(Box::new(result)));
+    }
+    // Others need not wait until the claim is stale. A disk that is full may not even take this.
+    let _unended = attempt.stop();
+    Err(error.into())
 }
 
 /// Where an attempt works.

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::time::Duration;
 
+use petzval_base::Cancel;
 use petzval_jobs::{ErrorReport, JobError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -107,6 +108,8 @@ pub struct Seen {
     others: HashMap<Key, (u32, Duration)>,
     /// Number of the attempt by which a unit had failed when this process set out to run units again; 0 if it had not.
     failed_before: HashMap<Key, u32>,
+    /// Digest of the result of a unit whose attempt does not say that it has ended, and since when it is seen.
+    results: HashMap<Key, (Option<String>, Duration)>,
 }
 
 /// What is known of another process at a unit.
@@ -127,6 +130,17 @@ impl Seen {
             Some((n, r, since)) if (*n, *r) == (number, renewed) => now.saturating_sub(*since),
             _ => {
                 self.claims.insert(key.clone(), (number, renewed, now));
+                Duration::ZERO
+            }
+        }
+    }
+
+    /// How long a result has been seen.
+    pub(super) fn shown(&mut self, result: &StoredResult, now: Duration) -> Duration {
+        match self.results.get(&result.key) {
+            Some((sha256, since)) if *sha256 == result.sha256 => now.saturating_sub(*since),
+            _ => {
+                self.results.insert(result.key.clone(), (result.sha256.clone(), now));
                 Duration::ZERO
             }
         }
@@ -187,15 +201,22 @@ impl Store {
         or_damaged(self.state_by_files(key, seen))
     }
 
-    /// A unit with a result, of which every file was read: damaged if one has another content.
-    pub(super) fn read_in_full(&self, result: Box<StoredResult>) -> Result<UnitState, StoreError> {
-        let checked = self.check_contents(&result, true);
-        or_damaged(checked.map(|()| UnitState::Done(result)))
+    /// A unit with a result, of which every file was read: damaged if one has another content. None if it was cancelled.
+    pub(super) fn read_in_full(
+        &self,
+        result: Box<StoredResult>,
+        seen: &mut Seen,
+        cancel: &Cancel,
+    ) -> Result<Option<UnitState>, StoreError> {
+        match self.check_contents(&result, seen, cancel) {
+            Ok(is_read) => Ok(is_read.then_some(UnitState::Done(result))),
+            Err(error) => or_damaged(Err(error)).map(Some),
+        }
     }
 
     fn state_by_files(&self, key: &Key, seen: &mut Seen) -> Result<UnitState, StoreError> {
         if let Some(result) = self.result(key)? {
-            self.check_contents(&result, false)?;
+            self.check_sizes(&result, seen)?;
             return Ok(UnitState::Done(Box::new(result)));
         }
         // Claims are numbered without gaps, and never removed.

@@ -4,15 +4,16 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use petzval_base::Cancel;
 use petzval_jobs::JobError;
 use petzval_units::store::{
-    Attempt, Begun, Clock, Disk, Holder, Outcome, RunOptions, STALE_AFTER, Seen, Store, StoreError,
-    UnitState, run_all, run_unit,
+    Attempt, Begun, Clock, Disk, FileLayer, Holder, Outcome, RunOptions, STALE_AFTER, Seen, Store,
+    StoreError, UnitState, run_all, run_unit,
 };
 use petzval_units::unit::{Prepared, Unit};
 use serde_json::json;
 
-use crate::layers::{Fault, Faulty, Simulated};
+use crate::layers::{Digesting, Fault, Faulty, Simulated};
 use crate::{context, prepared, trivial, unit};
 
 /// Another process each time, of whose end nobody knows.
@@ -22,10 +23,10 @@ fn holder(pid: u32) -> Holder {
 
 /// Runs a unit to its end. Returns the number of the attempt whose result counts.
 fn run(store: &Store, unit: &Prepared, pid: u32, seen: &mut Seen) -> Result<Option<u32>, StoreError> {
-    let mut attempt: Box<Attempt> = match store.begin(unit, &holder(pid), false, seen)? {
+    let mut attempt: Box<Attempt> = match store.begin(unit, &holder(pid), false, seen, &Cancel::default())? {
         Begun::Mine(attempt) => attempt,
         Begun::Done(result) => return Ok(Some(result.attempt)),
-        Begun::Elsewhere(_) | Begun::Failed(_) | Begun::Damaged(_) => return Ok(None),
+        Begun::Elsewhere(_) | Begun::Failed(_) | Begun::Damaged(_) | Begun::Cancelled => return Ok(None),
     };
     if let Some((earlier, has_ended)) = attempt.earlier()?.first() {
         attempt.take_over(earlier, *has_ended)?;
@@ -34,6 +35,7 @@ fn run(store: &Store, unit: &Prepared, pid: u32, seen: &mut Seen) -> Result<Opti
     std::fs::create_dir_all(attempt.folder()).unwrap();
     std::fs::write(attempt.folder().join("out.txt"), "done").unwrap();
     attempt.renew()?;
+    attempt.keep_contents()?;
     attempt.finish(json!({"value": 7})).map(|result| Some(result.attempt))
 }
 
@@ -202,11 +204,20 @@ fn a_file_of_a_result_that_is_not_what_the_unit_wrote_is_named_until_it_is_set_a
         run_unit(&convert, &store, &context(), RunOptions { retries, leaves_others: false }).unwrap()
     };
     let Outcome::Done(first) = run(false) else { panic!() };
-    let (files, result) = (store.files(&first).unwrap(), store.folder(&first.key).join("result.json"));
-    let file = files.join("a.zmx");
+    let (files, own) = (store.files(&first).unwrap(), store.folder(&first.key));
+    let (file, list) = (files.join("a.zmx"), own.join("contents-0001.json"));
     let whole = std::fs::read(&file).unwrap();
-    assert_eq!((first.contents.len(), first.contents[0].path.as_str()), (1, "a.zmx"));
-    assert_eq!(first.contents[0].bytes, whole.len() as u64);
+    let json =
+        |path: &Path| -> serde_json::Value { serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap() };
+    let listed = json(&list)["files"].clone();
+    assert_eq!(listed.as_array().unwrap().len(), 1);
+    assert_eq!((&listed[0]["path"], &listed[0]["bytes"]), (&json!("a.zmx"), &json!(whole.len())));
+    // An earlier build reads the result: it refuses any further field.
+    let result = json(&own.join("result.json"));
+    let mut fields: Vec<&str> = result.as_object().unwrap().keys().map(String::as_str).collect();
+    fields.sort_unstable();
+    let known = ["attempt", "cost", "files", "format", "inputs", "key", "response", "sha256", "unit"];
+    assert_eq!(fields, known);
     let is_done = || {
         let state = store.state(&first.key, &mut Seen::default()).unwrap();
         assert!(matches!(state, UnitState::Done(_) | UnitState::Damaged(_)), "{state:?}");
@@ -223,12 +234,21 @@ fn a_file_of_a_result_that_is_not_what_the_unit_wrote_is_named_until_it_is_set_a
     std::fs::write(&file, &whole[1..]).unwrap();
     assert!(!is_done());
     named("a.zmx", &format!("it has {} bytes, and the unit wrote {}", whole.len() - 1, whole.len()));
-    // An edit that keeps the size is found by who reads the file.
+    // An edit that keeps the size is found only where the file is read.
     let mut edited = whole.clone();
     edited[0] ^= 1;
     std::fs::write(&file, &edited).unwrap();
-    assert!(is_done());
-    named("a.zmx", "its content is not what the unit wrote");
+    assert!(is_done() && matches!(run(false), Outcome::There(_)));
+    assert!(matches!(run(true), Outcome::Done(_)));
+    let aside = |number: u32| store.root().join(format!(".damaged-{}-{number}", first.key.as_str()));
+    assert_eq!(std::fs::read(aside(1).join("files/a.zmx")).unwrap(), edited);
+    assert_eq!(std::fs::read(&file).unwrap(), whole);
+    // So is the list itself.
+    let text = std::fs::read_to_string(&list).unwrap();
+    std::fs::write(&list, text.replace("a.zmx", "b.zmx")).unwrap();
+    assert!(!is_done());
+    named("contents-0001.json", "this is not what the unit wrote");
+    std::fs::write(&list, text).unwrap();
     std::fs::remove_file(&file).unwrap();
     assert!(!is_done());
     named("a.zmx", "this file of the result is missing");
@@ -238,16 +258,70 @@ fn a_file_of_a_result_that_is_not_what_the_unit_wrote_is_named_until_it_is_set_a
     assert!(!is_done());
     named("files", "the folder of the results is missing");
     // With leave it is run again.
-    let Outcome::Done(again) = run(true) else { panic!() };
-    assert!(again.contents[0].path == "a.zmx" && file.is_file() && is_done());
-    let aside = store.root().join(format!(".damaged-{}-1", first.key.as_str()));
-    assert!(aside.join("result.json").is_file());
+    assert!(matches!(run(true), Outcome::Done(_)));
+    assert!(list.is_file() && file.is_file() && is_done());
+    assert!(aside(2).join("result.json").is_file());
     // One of an earlier build has no list of its files, which are believed.
-    let mut earlier: serde_json::Value = serde_json::from_slice(&std::fs::read(&result).unwrap()).unwrap();
-    for key in ["sha256", "contents"] {
-        assert!(earlier.as_object_mut().unwrap().remove(key).is_some());
-    }
-    std::fs::write(&result, earlier.to_string()).unwrap();
+    std::fs::remove_file(&list).unwrap();
     std::fs::remove_file(&file).unwrap();
     assert!(is_done() && matches!(run(false), Outcome::There(_)));
+    assert!(matches!(run(true), Outcome::There(_)));
+}
+
+/// Runs a unit to a result with two files. Both are read for their digests.
+fn run_with_two_files(store: &Store, unit: &Prepared) {
+    let (mut seen, cancel) = (Seen::default(), Cancel::default());
+    let Begun::Mine(attempt) = store.begin(unit, &holder(1), false, &mut seen, &cancel).unwrap() else {
+        panic!()
+    };
+    std::fs::create_dir_all(attempt.folder()).unwrap();
+    for name in ["a.txt", "b.txt"] {
+        std::fs::write(attempt.folder().join(name), name).unwrap();
+    }
+    attempt.keep_contents().unwrap();
+    attempt.finish(json!({"value": 7})).unwrap();
+}
+
+#[test]
+fn files_of_a_result_are_read_only_to_run_units_again_and_that_can_be_cancelled() {
+    let folder = tempfile::tempdir().unwrap();
+    let (reads, cancel) = (Arc::new(AtomicUsize::new(0)), Cancel::default());
+    let (counted, cancelled) = (reads.clone(), cancel.clone());
+    let layer = Digesting(move |path: &Path| {
+        // In the middle of the second time that all are compared.
+        if counted.fetch_add(1, Ordering::Relaxed) == 4 {
+            cancelled.set();
+        }
+        Disk.digest(path)
+    });
+    let clock = Arc::new(Simulated::default());
+    let store = Store::on(&folder.path().join("store"), Arc::new(layer), clock).unwrap();
+    let unit = prepared(&trivial("unit", 1.0));
+    run_with_two_files(&store, &unit);
+    let begin = |retries: bool| {
+        let begun = store.begin(&unit, &holder(2), retries, &mut Seen::default(), &cancel).unwrap();
+        (begun, reads.load(Ordering::Relaxed))
+    };
+    assert!(matches!(begin(false), (Begun::Done(_), 2)));
+    assert!(matches!(begin(true), (Begun::Done(_), 4)));
+    assert!(matches!(begin(true), (Begun::Cancelled, 5)));
+}
+
+#[test]
+fn a_file_that_another_machine_replaces_while_it_is_read_is_no_damage() {
+    let folder = tempfile::tempdir().unwrap();
+    let is_replaced = Arc::new(AtomicUsize::new(0));
+    let flag = is_replaced.clone();
+    // The number of ESTALE.
+    let layer = Digesting(move |path: &Path| match flag.load(Ordering::Relaxed) {
+        0 => Disk.digest(path),
+        _ => Err(std::io::Error::from_raw_os_error(116)),
+    });
+    let clock = Arc::new(Simulated::default());
+    let store = Store::on(&folder.path().join("store"), Arc::new(layer), clock).unwrap();
+    let unit = prepared(&trivial("unit", 1.0));
+    run_with_two_files(&store, &unit);
+    is_replaced.store(1, Ordering::Relaxed);
+    let begun = store.begin(&unit, &holder(2), true, &mut Seen::default(), &Cancel::default());
+    assert!(matches!(begun, Ok(Begun::Done(_))));
 }

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
+use petzval_base::Cancel;
 use petzval_base::random::{Stage, Stream};
 use petzval_jobs::ErrorReport;
 use petzval_units::store::{Attempt, Begun, Clock, FileLayer, Holder, STALE_AFTER, Seen, Store, UnitState};
@@ -43,7 +44,8 @@ fn with_part(sum: u64, part: u64) -> u64 {
 fn begin(machine: &mut Machine, units: &[Prepared], from: usize) {
     for place in 0..units.len() {
         let place = (place + from) % units.len();
-        let begun = machine.store.begin(&units[place], &machine.holder, false, &mut machine.seen).unwrap();
+        let Machine { store, holder, seen, .. } = &mut *machine;
+        let begun = store.begin(&units[place], holder, false, seen, &Cancel::default()).unwrap();
         if let Begun::Mine(attempt) = begun {
             if let Some((earlier, has_ended)) = attempt.earlier().unwrap().first() {
                 attempt.take_over(earlier, *has_ended).unwrap();
@@ -70,6 +72,7 @@ fn work(machine: &mut Machine) -> Option<(usize, u32)> {
         return None;
     }
     let number = attempt.number();
+    attempt.keep_contents().unwrap();
     let result = attempt.finish(json!({"sum": sum})).unwrap();
     Some((place, result.attempt)).filter(|_| result.attempt == number)
 }
@@ -178,7 +181,8 @@ fn a_claim_is_stale_by_the_clock_of_the_reader_and_a_living_owner_does_no_harm()
 
 /// Begins a unit that has failed or is damaged again.
 fn again(machine: &mut Machine, unit: &Prepared) -> Begun {
-    machine.store.begin(unit, &machine.holder, true, &mut machine.seen).unwrap()
+    let Machine { store, holder, seen, .. } = machine;
+    store.begin(unit, holder, true, seen, &Cancel::default()).unwrap()
 }
 
 /// A begun attempt.
@@ -287,4 +291,16 @@ fn files_of_a_result_that_are_under_way_are_no_damage() {
     let record = br#"{"renewed": 6, "seconds": 1.0, "cpu_seconds": 1.0}"#;
     two.layer.replace(&folder.join("attempt-0001.json"), record).unwrap();
     assert!(matches!(state(&mut two), UnitState::Done(_)));
+    // Its process may have been killed before it could say so: no change is under way for so long.
+    clock.wait(Duration::from_secs(89));
+    assert!(matches!(state(&mut two), UnitState::Done(_)));
+    clock.wait(Duration::from_secs(2));
+    assert!(matches!(state(&mut two), UnitState::Damaged(_)));
+    // A process that knows nothing waits as long before it runs the unit again, unless it is cancelled.
+    let (mut three, cancel, before) = (machine(2, &server, &clock), Cancel::default(), clock.now());
+    cancel.set();
+    let begun = three.store.begin(&unit, &three.holder, true, &mut three.seen, &cancel).unwrap();
+    assert!(matches!(begun, Begun::Cancelled) && clock.now() == before);
+    assert_eq!(mine(again(&mut three, &unit)).number(), 1);
+    assert!(clock.now() - before > Duration::from_secs(90));
 }

@@ -144,6 +144,63 @@ impl FileLayer for Late {
     }
 }
 
+/// The file system, with digests by a function of its own.
+pub struct Digesting<F>(pub F);
+
+impl<F: Fn(&Path) -> io::Result<String> + Send + Sync> FileLayer for Digesting<F> {
+    fn read(&self, path: &Path) -> io::Result<Vec<u8>> {
+        Disk.read(path)
+    }
+
+    fn size(&self, path: &Path) -> io::Result<u64> {
+        Disk.size(path)
+    }
+
+    fn digest(&self, path: &Path) -> io::Result<String> {
+        (self.0)(path)
+    }
+
+    fn is_folder(&self, path: &Path) -> bool {
+        Disk.is_folder(path)
+    }
+
+    fn create(&self, path: &Path, bytes: &[u8]) -> io::Result<bool> {
+        Disk.create(path, bytes)
+    }
+
+    fn publish(&self, path: &Path, bytes: &[u8]) -> io::Result<bool> {
+        Disk.publish(path, bytes)
+    }
+
+    fn replace(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
+        Disk.replace(path, bytes)
+    }
+
+    fn append(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
+        Disk.append(path, bytes)
+    }
+
+    fn make_folder(&self, path: &Path) -> io::Result<()> {
+        Disk.make_folder(path)
+    }
+
+    fn list(&self, path: &Path) -> io::Result<Vec<String>> {
+        Disk.list(path)
+    }
+
+    fn rename_folder(&self, from: &Path, to: &Path) -> io::Result<()> {
+        Disk.rename_folder(from, to)
+    }
+
+    fn copy_folder(&self, from: &Path, to: &Path) -> io::Result<()> {
+        Disk.copy_folder(from, to)
+    }
+
+    fn remove_folder(&self, path: &Path) -> io::Result<()> {
+        Disk.remove_folder(path)
+    }
+}
+
 /// How an operation fails.
 #[derive(Clone, Copy, Debug)]
 pub enum Fault {

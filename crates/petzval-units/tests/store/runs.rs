@@ -3,13 +3,17 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
 
 use petzval_jobs::{Context, Event, Watcher, built_in_assets};
 use petzval_units::store::Seen;
-use petzval_units::store::{Outcome, RunOptions, Store, UnitState, run_all, run_unit};
+use petzval_units::store::{
+    Disk, FileLayer, Outcome, RENEWED_EVERY, RunOptions, Store, SystemClock, UnitState, run_all, run_unit,
+};
 use petzval_units::unit::Unit;
 use serde_json::json;
 
+use crate::layers::Digesting;
 use crate::{context, prepared, trivial, unit};
 
 const USUAL: RunOptions = RunOptions { retries: false, leaves_others: false };
@@ -85,6 +89,29 @@ fn a_unit_that_fails_keeps_its_error_and_is_run_again_only_on_request() {
     assert_eq!((summary.there, summary.failed[0].attempt), (1, 2));
     let state = store.state(&key, &mut Seen::default()).unwrap();
     assert!(matches!(state, UnitState::Failed(failure) if failure.attempt == 2));
+}
+
+#[test]
+fn a_claim_is_renewed_while_the_files_of_a_result_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    // Reading a file takes until the next renewal.
+    let layer = Digesting(|path: &Path| {
+        let record = path.ancestors().nth(2).unwrap().join("attempt-0001.json");
+        let renewals = || {
+            let record: serde_json::Value = serde_json::from_slice(&Disk.read(&record).unwrap()).unwrap();
+            record["renewed"].as_u64().unwrap()
+        };
+        let (first, start) = (renewals(), Instant::now());
+        while renewals() == first {
+            assert!(start.elapsed() < 3 * RENEWED_EVERY, "the claim is not renewed");
+            std::thread::sleep(Duration::from_millis(100));
+        }
+        Disk.digest(path)
+    });
+    let clock = Arc::new(SystemClock::default());
+    let store = Store::on(&folder.path().join("store"), Arc::new(layer), clock).unwrap();
+    let convert = unit("convert", "lens-convert", json!({"from": "cooke-triplet-nominal", "to": "a.zmx"}));
+    assert!(matches!(run_unit(&convert, &store, &context(), USUAL).unwrap(), Outcome::Done(_)));
 }
 
 /// Keeps the notes of a job.
