@@ -94,7 +94,7 @@ petzval_base::parameters! {
         no_distortion: bool = false;
         /// Rows and columns in the middle of the sensor that are read; all of them if none are given.
         size: Option<(usize, usize)> = None;
-        /// Leave out all temporal noise; the fixed pattern of the sensor (DSNU, PRNU, hot pixels) stays.
+        /// Leave out temporal noise; the fixed pattern (DSNU, PRNU, hot pixels) stays.
         no_noise: bool = false;
         /// Seed of the noise.
         seed: u64 = crate::usual::seed();

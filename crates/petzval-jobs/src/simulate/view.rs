@@ -96,7 +96,7 @@ petzval_base::parameters! {
         set: Vec<String> = Vec::new();
         /// Regions of the window with one slanted edge each, whose MTF is measured in the developed picture, as `raw-mtf` measures it.
         edges: Vec<Region> = Vec::new();
-        /// Leave out all temporal noise; the fixed pattern of the sensor (DSNU, PRNU, hot pixels) stays.
+        /// Leave out temporal noise; the fixed pattern (DSNU, PRNU, hot pixels) stays.
         no_noise: bool = false;
         /// Seed of the noise.
         seed: u64 = crate::usual::seed();

@@ -122,7 +122,7 @@ pub struct Args {
     /// Linear analogue gain
     #[arg(long, default_value_t = Request::default().gain, allow_negative_numbers = true)]
     gain: f32,
-    /// Leave out all temporal noise; the fixed pattern of the sensor (DSNU, PRNU, hot pixels) stays
+    /// Leave out temporal noise; the fixed pattern (DSNU, PRNU, hot pixels) stays
     #[arg(long)]
     no_noise: bool,
     /// Seed of the noise

@@ -59,7 +59,7 @@ fn a_photograph_becomes_a_raw_frame_and_a_picture() {
 
     let help = run_ok(folder.path(), &["simulate", "--help"]).stdout;
     let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
-    assert!(help.contains("the fixed pattern of the sensor (DSNU, PRNU, hot pixels) stays"), "{help}");
+    assert!(help.contains("the fixed pattern (DSNU, PRNU, hot pixels) stays"), "{help}");
 }
 
 #[test]

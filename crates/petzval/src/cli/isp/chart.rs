@@ -57,7 +57,7 @@ pub struct Args {
     /// Leave out the distortion of the lens
     #[arg(long)]
     no_distortion: bool,
-    /// Leave out all temporal noise; the fixed pattern of the sensor (DSNU, PRNU, hot pixels) stays
+    /// Leave out temporal noise; the fixed pattern (DSNU, PRNU, hot pixels) stays
     #[arg(long)]
     no_noise: bool,
     /// Seed of the noise

@@ -11,7 +11,7 @@ use crate::cli::failure::Failure;
 use crate::cli::plain::shown;
 use crate::cli::terminal::{Terminal, print_response};
 
-/// Simulate the calibration series of a sensor.
+/// Simulate a calibration series.
 ///
 /// The series has pairs of flat and of dark frames at every gain and exposure time, further dark pairs for the dark
 /// current, and stacks for the non-uniformity. captures.toml lists all frames for `petzval sensor characterize`. The
@@ -20,7 +20,7 @@ use crate::cli::terminal::{Terminal, print_response};
 ///
 /// Without options it is the series of Tseng et al. (2021) for the fit over gains: seven gains, four exposures below
 /// saturation, no stacks. With --emva it is the series that EMVA 1288 release 4.0 Linear prescribes, which gives all
-/// figures of the standard. Every other option changes that series.
+/// figures of the standard.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Sensor file, or a built-in name such as imx249-fitted (`petzval sensor list`)
