@@ -1845,7 +1845,8 @@ class LensTolerance(TypedDict, total=False):
     grade: Literal['commercial'] | Literal['precision'] | Literal['high'] | None
     """Tolerances of good practice for everything that the file does not name; precision without a file."""
     inverse: float | None
-    """A loss of the merit; the response gives the tolerance of each quantity with which all together cost this much."""
+    """A loss of the merit; the response gives the tolerance of each quantity that costs this loss over the root of
+    their number: together they cost it as a root sum square."""
     kind: Literal['geometric'] | Literal['diffraction']
     """Whether the MTF takes light for rays or for waves."""
     lens: str | "LensToleranceLensInput2LensText1" | "LensToleranceLensInput2LensText2"
@@ -2189,7 +2190,7 @@ class Simulate(TypedDict, total=False):
     """Take the picture as the light on the image plane: straight lines stay straight. Without it, the picture is the
     rectilinear scene in front of the lens, and its distortion is rendered."""
     no_noise: bool
-    """Leave out all noise."""
+    """Leave out temporal noise; the fixed pattern (DSNU, PRNU, hot pixels) stays."""
     out: str
     """Folder for the results."""
     picture_format: Literal['png'] | Literal['png16'] | Literal['exr'] | Literal['npy']
@@ -2305,7 +2306,7 @@ class CameraView(TypedDict, total=False):
     lens: str | "CameraViewLensInput2LensText1" | "CameraViewLensInput2LensText2"
     """Lens: a built-in name, the path of a file, or the lens itself."""
     no_noise: bool
-    """Leave out all noise."""
+    """Leave out temporal noise; the fixed pattern (DSNU, PRNU, hot pixels) stays."""
     photo: str
     """The scene: a built-in photograph, the path of a picture, or `scene:NAME`. One that is smaller than the array,
     and every built-in scene, lies at the place that is looked at; a larger one covers the array."""
@@ -2784,7 +2785,8 @@ class IspDevelopFrameFrameOptions(TypedDict, total=False):
     sidecar names, if any. What the calibration of a frame states counts before it."""
     white_dn: float | None
     """Digital number of white light in a green pixel; none means that of the calibration, else the level of
-    saturation."""
+    saturation. Of merged frames it counts in numbers of the longest exposure, and the level of saturation is that
+    of the merged frame, where the shortest exposure ends."""
 
 
 class IspDevelopFrameFrameOptionsSensor1Input2TomlText(TypedDict, total=False):
@@ -2874,7 +2876,8 @@ class IspTuneStartStart1NewPlanPlanFrameFrameOptions(TypedDict, total=False):
     sidecar names, if any. What the calibration of a frame states counts before it."""
     white_dn: float | None
     """Digital number of white light in a green pixel; none means that of the calibration, else the level of
-    saturation."""
+    saturation. Of merged frames it counts in numbers of the longest exposure, and the level of saturation is that
+    of the merged frame, where the shortest exposure ends."""
 
 
 class IspTuneStartStart1NewPlanPlanFrameFrameOptionsSensor1Input2TomlText(TypedDict, total=False):
@@ -2931,7 +2934,7 @@ class IspChartCameraRequest(TypedDict, total=False):
     """Take the picture as the light on the image plane: straight lines stay straight. Without it, the picture is the
     rectilinear scene in front of the lens, and its distortion is rendered."""
     no_noise: bool
-    """Leave out all noise."""
+    """Leave out temporal noise; the fixed pattern (DSNU, PRNU, hot pixels) stays."""
     out: str
     """Folder for the results."""
     picture_format: Literal['png'] | Literal['png16'] | Literal['exr'] | Literal['npy']

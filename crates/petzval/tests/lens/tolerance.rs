@@ -169,7 +169,7 @@ fn lenses_that_cannot_be_built_are_counted_and_their_tolerance_is_named() {
     std::fs::write(folder.path().join("thick.toml"), text).unwrap();
     let args = ["lens", "tolerance", LENS, "--tolerances", "thick.toml", "--trials", "12", "--worst", "12"];
     let said = run_ok(folder.path(), &[&args[..], &["--out", "made"]].concat());
-    assert!(said.says("thick.toml:5: `thickness_mm = 8.0`: wider than the 4.014 mm"), "{}", said.stderr);
+    assert!(said.says("thick.toml:5: `thickness_mm = 8.0`: wider than the 4.0140 mm"), "{}", said.stderr);
     for words in ["cannot be built", "not built", "no estimate"] {
         assert!(said.stdout.contains(words), "{words}: {}", said.stdout);
     }
