@@ -21,6 +21,12 @@ pub fn built_in_assets() -> Library {
     Assets::new(files).into()
 }
 
+/// Whether something built in has this name.
+pub(crate) fn is_built_in(name: &str) -> bool {
+    let folders = ALL.dirs().flat_map(|folder| folder.files());
+    folders.filter_map(|file| file.path().file_stem()).any(|stem| stem == name)
+}
+
 /// Names of the built-in photographs, in the order of the alphabet.
 pub(crate) fn photographs() -> Vec<String> {
     let Some(folder) = ALL.get_dir("photos") else { return Vec::new() };

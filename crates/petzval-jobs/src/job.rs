@@ -13,6 +13,7 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 use crate::as_unit::AsUnit;
+use crate::built_in::is_built_in;
 use crate::context::Context;
 use crate::error::{JobError, Place, Result, Stopped};
 use crate::panic_place;
@@ -216,8 +217,7 @@ fn at_named(error: JobError, request: &Value) -> JobError {
     let is_named = |text: &str| begins(text) || message.contains(&format!("called `{text}`"));
     let found = known.key.is_empty().then(|| text_where(request, "", &is_named)).flatten();
     let Some((key, value)) = found else { return error };
-    // A built-in name is no path.
-    let is_path = |text: &str| Path::new(text).exists() || text.contains(['.', '/', '\\']);
+    let is_path = |text: &str| !is_built_in(text) || Path::new(text).exists();
     let path = known.path.clone().or_else(|| (begins(&value) && is_path(&value)).then(|| (&value).into()));
     error.at_place(Place { path, key, value, ..known })
 }

@@ -216,7 +216,11 @@ fn a_run_that_looks_for_objects_is_scored_again_reported_and_lends_its_detector(
     known["annotations"][0]["ignore"] = 1.into();
     std::fs::write(root.join("known.json"), known.to_string()).unwrap();
     let said = run_ok(root, &args).stdout;
-    assert!(said.contains("AP of pycocotools") && said.contains("objects with `ignore` or thinner than a pixel: 1;"), "{said}");
+    assert!(
+        said.contains("AP of pycocotools")
+            && said.contains("objects with `ignore` or thinner than a pixel: 1;"),
+        "{said}"
+    );
 
     // A raw frame of its sensor is developed by the camera, as `apply` does it, and looked at.
     let photo = common::data("photos/coffee.png").display().to_string();
