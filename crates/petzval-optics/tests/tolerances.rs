@@ -666,8 +666,10 @@ fn lenses_without_an_image_count_as_failed() {
     assert!(found.failed() > 0 && found.failed() < 40, "{}", found.failed());
     assert_eq!(found.percentile(100.0), None);
     assert!(found.yield_at(1e9) < 1.0);
-    // A radius that ends within its clear aperture is no lens of the maker, not even the worst.
-    assert!(found.unbuildable() > 0 && found.trials[found.worst(1)[0]].can_be_built);
+    // A radius that ends within its clear aperture is no lens of the maker, not even the worst; lenses without an image come first.
+    let worst = found.worst(40);
+    assert!(found.unbuildable() > 0 && worst.len() == 40 - found.unbuildable());
+    assert!(worst.iter().map(|number| found.trials[*number].value.is_some()).is_sorted());
     assert!(table.estimate.is_none());
     assert!(table.rows[0].worst_loss(Better::Lower, table.nominal).is_infinite());
 }
