@@ -145,13 +145,15 @@ impl Row {
     /// Runs it. A request that does not fit the schema is an error with the key that is wrong; a panic is a failure of this job alone.
     pub fn run(&self, request: Value, context: &Context) -> Result<Value> {
         let context = context.for_a_job();
-        let result = guarded(self.name, || (self.run)(request.clone(), &context));
+        let mut texts = Vec::new();
+        collect_texts(&request, "", &mut texts);
+        let result = guarded(self.name, || (self.run)(request, &context));
         // Work that does not know of the context does not know what the job has written before.
         result.map_err(|error| match error {
             JobError::Stopped(stopped) if stopped.kept.is_empty() => {
                 Stopped { kept: context.written(), ..*stopped }.into()
             }
-            other => at_named(other, &request),
+            other => at_named(other, &texts),
         })
     }
 }
@@ -209,30 +211,38 @@ fn refused(job: &str, wrong: FileError, request: &Value) -> JobError {
     if let Some(place) = place { error.at_place(place) } else { error }
 }
 
-/// An error of an input with the key under which the request names that input. The message begins with its path, or says how it is called.
-fn at_named(error: JobError, request: &Value) -> JobError {
+/// Longest text that may name an input, bytes; longer ones are inputs themselves.
+const LONGEST_PATH: usize = 4096;
+
+/// An error of an input with the key under which a request with these texts names that input. The message begins with its path, or says how it is
+/// called.
+fn at_named(error: JobError, texts: &[(String, String)]) -> JobError {
     let JobError::Input { message, place, .. } = &error else { return error };
     let known = place.as_deref().cloned().unwrap_or_default();
     let begins = |text: &str| message.strip_prefix(text).is_some_and(|rest| rest.starts_with(": "));
     let is_named = |text: &str| begins(text) || message.contains(&format!("called `{text}`"));
-    let found = known.key.is_empty().then(|| text_where(request, "", &is_named)).flatten();
-    let Some((key, value)) = found else { return error };
+    let found = texts.iter().find(|(_, text)| known.key.is_empty() && is_named(text));
+    let Some((key, value)) = found.cloned() else { return error };
     let is_path = |text: &str| !is_built_in(text) || Path::new(text).exists();
     let path = known.path.clone().or_else(|| (begins(&value) && is_path(&value)).then(|| (&value).into()));
     error.at_place(Place { path, key, value, ..known })
 }
 
-/// The first text of a value that fits, with its key path.
-fn text_where(value: &Value, key: &str, fits: &dyn Fn(&str) -> bool) -> Option<(String, String)> {
+/// Collects the texts in a request that may name an input, with their key paths. Numbers are passed over: a picture may be among them.
+fn collect_texts(value: &Value, key: &str, texts: &mut Vec<(String, String)>) {
     let below = |part: &str| if key.is_empty() { part.to_owned() } else { format!("{key}.{part}") };
     match value {
-        Value::String(text) => (!text.is_empty() && fits(text)).then(|| (key.to_owned(), text.clone())),
-        Value::Object(keys) => keys.iter().find_map(|(name, value)| text_where(value, &below(name), fits)),
-        Value::Array(items) => {
-            let mut items = items.iter().enumerate();
-            items.find_map(|(i, item)| text_where(item, &below(&i.to_string()), fits))
+        Value::String(text) if (1..=LONGEST_PATH).contains(&text.len()) => {
+            texts.push((key.to_owned(), text.clone()));
         }
-        _ => None,
+        Value::Object(keys) => {
+            keys.iter().for_each(|(name, value)| collect_texts(value, &below(name), texts))
+        }
+        Value::Array(items) => {
+            let others = items.iter().enumerate().filter(|(_, item)| !item.is_number());
+            others.for_each(|(i, item)| collect_texts(item, &below(&i.to_string()), texts));
+        }
+        _ => {}
     }
 }
 
