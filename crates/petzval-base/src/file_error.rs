@@ -233,7 +233,7 @@ fn ends_of(integer: &str) -> Option<(i128, i128)> {
     })
 }
 
-/// Message and hint about a whole number outside the type `wanted`, of which the message of serde `found` quotes the value; `None` for all others.
+/// Message and hint about a whole number that the type `wanted` cannot hold; `None` for other errors. `found` is the text of serde that quotes the number.
 /// `largest` is the largest whole number of the kind of file. A negative number where none may be is of the wrong type.
 fn beyond_ends(found: &str, wanted: &str, largest: i128) -> Option<(String, &'static str)> {
     let (low, high) = ends_of(wanted).map(|(low, high)| (low, high.min(largest)))?;
