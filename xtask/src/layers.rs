@@ -12,7 +12,7 @@ use super::files::rust_files;
 
 /// Crates in the order in which light meets them. A crate may use those of the groups before its own.
 const ORDER: [&[&str]; 11] = [
-    &["petzval-base", "petzval-data"],
+    &["petzval-base", "petzval-data", "petzval-fourier"],
     &["petzval-optics", "petzval-camera", "petzval-street"],
     &["petzval-files"],
     &["petzval-lab", "petzval-learn"],
@@ -26,7 +26,7 @@ const ORDER: [&[&str]; 11] = [
 ];
 
 /// Outside crates that only some of ours may use directly, with the reason.
-const RESERVED: [(&str, &[&str], &str); 9] = [
+const RESERVED: [(&str, &[&str], &str); 11] = [
     ("burn", &["petzval-camera", "petzval-learn", "petzval-design"], "the tape is cut at the PSF"),
     (
         "burn-cubecl",
@@ -38,6 +38,8 @@ const RESERVED: [(&str, &[&str], &str); 9] = [
     ("miette", &["petzval"], "libraries return typed errors"),
     ("indicatif", &["petzval"], "libraries do not draw"),
     ("include_dir", &["petzval-data", "petzval-studio"], "data and the page travel with the binary"),
+    ("realfft", &["petzval-fourier"], "transforms are compiled once"),
+    ("rustfft", &["petzval-fourier"], "transforms are compiled once"),
     ("pyo3", &["petzval-python"], "one crate talks to Python"),
     ("signal-hook", &["petzval"], "only the command owns the process"),
 ];

@@ -15,9 +15,8 @@ mod tests;
 
 use std::sync::Arc;
 
+use petzval_fourier::{Complex64, Fft};
 use rayon::prelude::*;
-use rustfft::num_complex::Complex64;
-use rustfft::{Fft, FftPlanner};
 
 use crate::develop::Electrons;
 use crate::image::CHANNELS;
@@ -171,7 +170,7 @@ struct Transform {
 
 impl Transform {
     fn new(side: usize) -> Self {
-        Self { side, forward: FftPlanner::new().plan_fft_forward(side) }
+        Self { side, forward: petzval_fourier::forward(side) }
     }
 
     /// Rows, then columns; the result is transposed, `[column][row]`.

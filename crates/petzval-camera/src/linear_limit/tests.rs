@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use nalgebra::DMatrix;
-use rustfft::num_complex::Complex64;
+use petzval_fourier::Complex64;
 
 use super::alias::Mosaic;
 use super::*;

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use petzval_fourier::Complex32;
 use rayon::prelude::*;
-use realfft::num_complex::Complex32;
 
 use super::geometry::Window;
 use super::kernel::checked_window;

@@ -1,8 +1,8 @@
 //! Rendering by FFTs, tile by tile, each tile blending at most two by two patches.
 
 use petzval_base::{Cancel, Cancelled};
+use petzval_fourier::Complex32;
 use rayon::prelude::*;
-use realfft::num_complex::Complex32;
 
 use super::spectrum::Scratch;
 use super::tiles::TileSet;

@@ -9,8 +9,8 @@
 //! filters are turned into kernels on the pixel grid and applied by the renderer, which blends them from patch to patch without seams.
 
 use petzval_base::Cancel;
+use petzval_fourier::Complex32;
 use rayon::prelude::*;
-use realfft::num_complex::Complex32;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

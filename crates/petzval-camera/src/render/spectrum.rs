@@ -3,9 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use realfft::num_complex::Complex32;
-use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
-use rustfft::{Fft, FftPlanner};
+use petzval_fourier::{Complex32, ComplexToReal, Fft, Planner32, RealToComplex};
 
 /// Rows and columns of a transform.
 pub(super) type TransformSize = (usize, usize);
@@ -48,17 +46,17 @@ pub(super) fn fast_len(n: usize) -> usize {
 
 /// One plan for each size in `sizes`.
 pub(super) fn plans(sizes: impl Iterator<Item = TransformSize>) -> BTreeMap<TransformSize, TilePlan> {
-    let (mut real, mut complex) = (RealFftPlanner::<f32>::new(), FftPlanner::<f32>::new());
+    let mut planner = Planner32::default();
     let mut plans = BTreeMap::new();
     for (rows, cols) in sizes {
         plans.entry((rows, cols)).or_insert_with(|| TilePlan {
             rows,
             cols,
             bins: cols / 2 + 1,
-            row_forward: real.plan_fft_forward(cols),
-            row_inverse: real.plan_fft_inverse(cols),
-            col_forward: complex.plan_fft_forward(rows),
-            col_inverse: complex.plan_fft_inverse(rows),
+            row_forward: planner.real_forward(cols),
+            row_inverse: planner.real_inverse(cols),
+            col_forward: planner.forward(rows),
+            col_inverse: planner.inverse(rows),
         });
     }
     plans

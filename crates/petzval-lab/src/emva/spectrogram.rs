@@ -1,6 +1,6 @@
 //! Spectrograms: the mean power spectrum of the rows (or columns) of a picture.
 
-use rustfft::{FftPlanner, num_complex::Complex};
+use petzval_fourier::Complex64;
 
 use super::high_pass::Plane;
 
@@ -9,12 +9,12 @@ use super::high_pass::Plane;
 pub fn row_spectrogram(plane: &Plane) -> Vec<f64> {
     let width = plane.width;
     let mean = plane.values.iter().sum::<f64>() / plane.values.len() as f64;
-    let fft = FftPlanner::<f64>::new().plan_fft_forward(width);
+    let fft = petzval_fourier::forward(width);
     let mut power = vec![0.0; width / 2 + 1];
-    let mut line = vec![Complex::default(); width];
-    let mut scratch = vec![Complex::default(); fft.get_inplace_scratch_len()];
+    let mut line = vec![Complex64::ZERO; width];
+    let mut scratch = vec![Complex64::ZERO; fft.get_inplace_scratch_len()];
     for row in plane.values.chunks_exact(width) {
-        line.iter_mut().zip(row).for_each(|(c, v)| *c = Complex::new(v - mean, 0.0));
+        line.iter_mut().zip(row).for_each(|(c, v)| *c = Complex64::new(v - mean, 0.0));
         fft.process_with_scratch(&mut line, &mut scratch);
         power.iter_mut().zip(&line).for_each(|(p, c)| *p += c.norm_sqr());
     }

@@ -4,8 +4,8 @@
 //! wavelength; the modulation is the modulus of their mean. Geometric curves are the Fourier sum over ray positions, each
 //! weighted by its light; diffraction curves are the autocorrelation of the wave (`wave/otf.rs`).
 
+use petzval_fourier::Complex64;
 use rayon::prelude::*;
-use rustfft::num_complex::Complex64;
 use schemars::JsonSchema;
 use serde::Serialize;
 

@@ -6,7 +6,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use rustfft::num_complex::Complex64;
+use petzval_fourier::Complex64;
 
 use super::{Better, FieldRays, FieldSet, Merit};
 use crate::gradient::LensGradient;

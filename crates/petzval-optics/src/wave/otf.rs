@@ -8,8 +8,7 @@
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-use rustfft::num_complex::Complex64;
-use rustfft::{Fft, FftPlanner};
+use petzval_fourier::{Complex64, Fft};
 
 use super::nodes::NodeWave;
 use super::psf::WaveChannel;
@@ -91,7 +90,7 @@ impl WaveChannel {
             values,
             energy,
             // Pad to twice the length: the autocorrelation of a wave is twice as wide as the wave.
-            fft: FftPlanner::new().plan_fft_inverse((2 * n).next_power_of_two()),
+            fft: petzval_fourier::inverse((2 * n).next_power_of_two()),
         }
     }
 }

@@ -5,7 +5,7 @@
 //! fewer nodes than a PSF, and no transform. The soft rim of the stop removes light from `sum |u|^2` that a hard edge would diffract far
 //! away. The contrast of that light fades over a shift of the width of the rim.
 
-use rustfft::num_complex::Complex64;
+use petzval_fourier::Complex64;
 
 use super::map::{WaveMap, WavePointBar, WaveRow};
 use crate::gradient::LensGradient;

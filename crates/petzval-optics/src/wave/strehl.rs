@@ -1,7 +1,6 @@
 //! The Strehl ratio: the peak of a PSF divided by that of the same beam without aberrations.
 
-use rustfft::FftPlanner;
-use rustfft::num_complex::Complex64;
+use petzval_fourier::Complex64;
 
 use super::psf::WaveChannel;
 
@@ -21,7 +20,7 @@ impl WaveChannel {
     fn brightest(&self, wave: &[Complex64]) -> [f64; 2] {
         let n = self.nodes;
         let length = (2 * n).next_power_of_two();
-        let fft = FftPlanner::new().plan_fft_inverse(length);
+        let fft = petzval_fourier::inverse(length);
         // Transform the rows, then the columns, and find the brightest point.
         let mut rows = vec![Complex64::ZERO; n * length];
         for (row, from) in rows.chunks_exact_mut(length).zip(wave.chunks_exact(n)) {
