@@ -25,10 +25,15 @@ pub fn inverse(length: usize) -> Arc<dyn Fft<f64>> {
 }
 
 /// Makes plans in single precision. Plans of one planner share the parts that they have in common.
-#[derive(Default)]
 pub struct Planner32 {
     real: RealFftPlanner<f32>,
     complex: FftPlanner<f32>,
+}
+
+impl Default for Planner32 {
+    fn default() -> Self {
+        Self { real: RealFftPlanner::new(), complex: FftPlanner::new() }
+    }
 }
 
 impl Planner32 {
