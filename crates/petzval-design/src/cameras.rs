@@ -6,6 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use burn::prelude::Device;
+use petzval_base::Cancel;
 use petzval_camera::develop::LinearIsp;
 use petzval_camera::isp::{IspParameter, IspSettings};
 use petzval_camera::linear_limit::{LinearLimit, NaturalScenes};
@@ -245,7 +246,7 @@ impl Cameras {
         let plan = self.fixed_plan.with_fields(psf.scoring_fields);
         let (plan, pupil) = match &self.given {
             Some(_) => (plan, 0.0),
-            None => plan.converged(&lens, psf.scoring_pupil_error)?,
+            None => plan.converged(&lens, psf.scoring_pupil_error, &Cancel::default())?,
         };
         let psfs = formed(lens, plan)?;
         let (geometry, blend) = with_patches_for(&self.body.geometry, psfs.bank(), psf.scoring_blend_error)?;

@@ -203,8 +203,7 @@ fn lens_look(setup: &Setup, variant: &Variant, start: &Start) -> Result<LensLook
     let lens = &start.lens_file.lens;
     // With one more field between any two of those that are shown.
     let plan = setup.moving_plan.with_fields(2 * FIELDS - 1);
-    let psfs = plan.psfs(lens)?;
-    setup.cancel.check()?;
+    let psfs = plan.psfs(lens, &setup.cancel)?;
     let quadrature = Quadrature::grid(CELLS)?;
     let in_colours = Lens { wavelengths_um: plan.wavelengths_um.to_vec(), ..lens.clone() };
     let axis = spot(&in_colours, 0.0, &quadrature);

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use petzval_base::reason_and_hint;
 use petzval_camera::psf::PsfBank;
 use petzval_design::error::DesignError;
-use petzval_design::lens::psf_plan::PsfPlan;
+use petzval_design::lens::psf_plan::{PsfPlan, scale_of_bank_mm};
 use petzval_files::FloatType;
 use petzval_files::psf_file::{AXES_FILE, ILLUMINATION_FILE, PsfFile, VALUES_FILE, write_psfs};
 use petzval_optics::lens::{Lens, ObjectDistance};
@@ -170,6 +170,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     if let Some(part) = seen_part(&bank, &lens) {
         context.note(part);
     }
+    context.check(|| "stopped before any file was written")?;
     let files = keep(&bank, &request.out)?;
     files.iter().for_each(|path| context.wrote(path, what_is(path)));
     Ok(Response { files, axes: bank.axes })
@@ -267,14 +268,14 @@ fn computed(request: &Request, lens: &Lens, plan: &PsfPlan, context: &Context) -
         }
         other => other.into(),
     };
-    let (plan, error) = plan.converged(lens, request.pupil_error).map_err(no_light)?;
+    let (plan, error) = plan.converged(lens, request.pupil_error, context.cancel()).map_err(no_light)?;
     if error > request.pupil_error {
         context.warning(WarningKind::PsfError, format!(
             "PSFs on {} pupil cells a side have an error of {error:.3} (L1); larger cells of the PSF have less",
             plan.quadrature.cells
         ));
     }
-    let psfs = plan.psfs(lens).map_err(no_light)?;
+    let psfs = plan.psfs(lens, context.cancel()).map_err(no_light)?;
     warn_of_lost_light(request, lens, &psfs, context);
     let axes = Axes {
         lens: lens.name.clone(),
@@ -282,8 +283,7 @@ fn computed(request: &Request, lens: &Lens, plan: &PsfPlan, context: &Context) -
         chief_ray_x_mm: psfs.iter().map(|p| p.chief_x_mm).collect(),
         chief_ray_y_mm: psfs.iter().map(|p| p.chief_y_mm).collect(),
         field_deg: psfs.iter().map(|p| p.field_rad.to_degrees()).collect(),
-        // Radii have no sign: an image that is upside down has its scale without one, too.
-        image_scale_mm: plan.image_scale_mm(lens).ok().flatten().map(f64::abs).filter(|mm| *mm > 0.0),
+        image_scale_mm: psfs.last().and_then(|p| scale_of_bank_mm(lens, p.field_rad)),
         channels: Channel::RGB.to_vec(),
         wavelengths_um: plan.wavelengths_um.to_vec(),
         captured: psfs.iter().map(|p| p.captured.clone()).collect(),

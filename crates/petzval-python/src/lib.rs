@@ -85,7 +85,7 @@ mod _petzval {
     #[pymodule_export]
     use super::psf::PyPsfPlan;
     #[pymodule_export]
-    use super::psf_files::{image_scale_mm, is_rotationally_symmetric, psfs_load, psfs_of, psfs_save};
+    use super::psf_files::{is_rotationally_symmetric, psfs_load, psfs_of, psfs_save};
     #[pymodule_export]
     use super::psf_picture::psf_picture;
     #[pymodule_export]

@@ -2,6 +2,7 @@
 
 use numpy::ndarray::{Array1, Array2, Array4};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray4};
+use petzval_design::lens::psf_plan::scale_of_bank_mm;
 use petzval_jobs::{Context, JobError, psf};
 use petzval_optics::gradient::LensGradient;
 use petzval_optics::lens::Lens;
@@ -139,6 +140,16 @@ impl PyPsfPlan {
         let (values, light, chief_mm, captured) =
             self.arrays(py, found.into_iter().map(|of| of.value.into()))?;
         Ok((values, light, chief_mm, captured, cells, error))
+    }
+
+    /// Image height per tangent of the field near the axis of a lens, mm, as a bank of these fields states it; `None` if it has none.
+    ///
+    /// It is measured at a thousandth of the outermost field. If all fields lie on the axis, the outermost one of the lens is taken.
+    fn image_scale_mm(&self, lens: &PyLens) -> Option<f64> {
+        let lens = &lens.file.lens;
+        let outermost = self.fields_deg.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs()));
+        let outermost_deg = outermost.filter(|deg| *deg != 0.0).unwrap_or_else(|| lens.outermost_field_deg());
+        scale_of_bank_mm(lens, outermost_deg.to_radians())
     }
 
     /// The PSFs of the lens with these numbers, on the pupil cells of the plan.

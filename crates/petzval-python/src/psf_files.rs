@@ -7,7 +7,6 @@ use numpy::{IntoPyArray, PyArray2, PyArray4, PyUntypedArrayMethods};
 use petzval_files::FloatType;
 use petzval_files::psf_file::{PsfAxes, PsfFault, PsfFile, read_psfs, write_psfs};
 use petzval_jobs::{JobError, json};
-use petzval_optics::paraxial::image_height_per_tangent;
 use pyo3::prelude::*;
 
 use crate::arrays::{Like2, Like4};
@@ -125,12 +124,4 @@ pub fn psfs_load<'py>(py: Python<'py>, path: PathBuf, watch: Watch<'_>) -> PyRes
 #[pyfunction]
 pub fn is_rotationally_symmetric(lens: &PyLens) -> bool {
     lens.file.lens.is_rotationally_symmetric()
-}
-
-/// Image height per tangent of the field near the axis of a lens, mm; `None` if it has none.
-#[pyfunction]
-pub fn image_scale_mm(lens: &PyLens) -> Option<f64> {
-    let lens = &lens.file.lens;
-    let scale_mm = image_height_per_tangent(&lens.at_wavelength(lens.reference_um));
-    Some(scale_mm).filter(|mm| mm.is_finite() && *mm > 0.0)
 }

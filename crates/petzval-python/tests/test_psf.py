@@ -1,3 +1,5 @@
+import tempfile
+
 import numpy as np
 import pytest
 
@@ -22,6 +24,23 @@ def test_psfs_are_those_of_the_command(triplet: pz.Lens, tmp_path) -> None:
     np.testing.assert_allclose(bank.values.sum((2, 3)), 1.0, rtol=1e-12)
     assert np.abs(bank.values - values).sum((2, 3)).max() < 0.03
     np.testing.assert_allclose(bank.field_radius_mm, axes["field_radius_mm"], atol=1e-5)
+
+
+def test_the_image_scale_is_that_of_the_command(triplet: pz.Lens) -> None:
+    # A plane out of focus, and a near object, whose image is upside down.
+    behind = triplet.with_(len(triplet.surfaces) - 1, thickness_mm=triplet.surfaces[-1].thickness_mm + 0.2)
+    text = triplet.to_toml()
+    near = pz.Lens.parse(text.replace("distance_mm = inf", "distance_mm = 400.0")).focused("paraxial")
+    assert near.to_toml() != text
+    for lens in (behind, near):
+        with tempfile.TemporaryDirectory() as folder:
+            request = {"lens": {"toml": lens.to_toml()}, "out": folder, "fields": 2, "grid": 128, "pitch_um": 4.0}
+            axes = pz.jobs.run("psf", request)["axes"]
+        bank = pz.psf(lens, fields_deg=axes["field_deg"], grid=128, pitch_um=4.0)
+        assert bank.image_scale_mm == pytest.approx(axes["image_scale_mm"], rel=1e-9)
+    assert abs(pz.psf(behind, grid=128, pitch_um=4.0).image_scale_mm / behind.efl_mm - 1.0) > 1e-3
+    on_axis = pz.psf(behind, fields_deg=[0.0], grid=128, pitch_um=4.0).image_scale_mm
+    assert on_axis == pytest.approx(pz.psf(behind, grid=128, pitch_um=4.0).image_scale_mm, rel=1e-9)
 
 
 def test_arrays_may_be_lists_float32_or_strided(triplet: pz.Lens) -> None:

@@ -3,6 +3,7 @@
 
 use std::f64::consts::{FRAC_PI_4, PI};
 
+use petzval_base::Cancel;
 use petzval_base::statistics::{maximum, minimum};
 use petzval_camera::psf::PsfBank;
 use petzval_camera::render::{Distortion, RenderError, RenderGeometry};
@@ -184,9 +185,9 @@ const WIDE_RAD: f64 = FRAC_PI_4;
 /// Widest field of a rectilinear picture, rad: 85 degrees, at 11 times the height of 45 degrees.
 const WIDEST_PICTURE_RAD: f64 = 85.0 / 180.0 * PI;
 
-/// Ideal image height per tangent of the field, mm: the EFL f or, for a near object at D, `D / w'` with w' the final slope of its
-/// paraxial ray of slope 1.
-fn image_scale_mm(lens: &Lens) -> f64 {
+/// Paraxial image height per tangent of the field, mm: the EFL f or, for a near object at D, `D / w'` with w' the final slope of its
+/// paraxial ray of slope 1. Searches for fields begin with it.
+fn paraxial_scale_mm(lens: &Lens) -> f64 {
     let per_tangent = image_height_per_tangent(&lens.at_wavelength(lens.reference_um));
     // The real image of a near object is upside down; its field at the same distance from the axis on the other side is taken.
     if lens.object == ObjectDistance::Infinity { per_tangent } else { per_tangent.abs() }
@@ -216,8 +217,36 @@ fn axis_field(lens: &Lens, reference: &Sequence) -> Option<f64> {
 pub(crate) fn field_angle(lens: &Lens, radius_mm: f64) -> Result<f64> {
     let reference = lens.at_wavelength(lens.reference_um);
     let axis = axis_field(lens, &reference);
-    let guess = axis.unwrap_or(0.0) + (radius_mm / image_scale_mm(lens)).atan();
+    let guess = axis.unwrap_or(0.0) + (radius_mm / paraxial_scale_mm(lens)).atan();
     field_imaged(&reference, axis, radius_mm, guess)
+}
+
+/// Image height per tangent of the field, mm, which an ideal image has everywhere: that of the lens near the axis of the image. Chief
+/// rays go to the image plane where it stands, in focus or not. `None` if the outermost field, rad, lies on the axis.
+pub fn image_scale_mm(lens: &Lens, outermost_rad: f64) -> Result<Option<f64>> {
+    let reference = lens.at_wavelength(lens.reference_um);
+    let axis = axis_field(lens, &reference).unwrap_or(0.0);
+    let near = (outermost_rad - axis) * NEAR_AXIS;
+    if near == 0.0 {
+        return Ok(None);
+    }
+    let height = |field: f64| {
+        let chief = chief_ray(&reference, field);
+        Ok::<_, DesignError>(chief.ok_or_else(|| DesignError::no_light(lens, field, &[]))?.y_mm)
+    };
+    // A rotationally symmetric lens mirrors its chief rays, so one of them is enough.
+    if lens.is_rotationally_symmetric() {
+        return Ok(Some(height(near)? / near.tan()));
+    }
+    let (below, above) = (axis - near, axis + near);
+    Ok(Some((height(above)? - height(below)?) / (above.tan() - below.tan())))
+}
+
+/// [`image_scale_mm`] as a bank of PSFs states it. Its radii have no sign, so an image that is upside down has its scale without one,
+/// too. `None` if the lens has none.
+pub fn scale_of_bank_mm(lens: &Lens, outermost_rad: f64) -> Option<f64> {
+    let scale_mm = image_scale_mm(lens, outermost_rad).ok().flatten()?.abs();
+    (scale_mm.is_finite() && scale_mm > 0.0).then_some(scale_mm)
 }
 
 /// The field imaged at a radius; `axis` is the one imaged on the axis, if there is one.
@@ -268,7 +297,8 @@ impl PsfPlan {
     /// cells do not become fewer than they are.
     ///
     /// Waves choose their own grid of the pupil, and the pattern of a lens without aberrations needs none: the plan stays, and the error is 0.
-    pub fn converged(&self, lens: &Lens, tolerance: f64) -> Result<(Self, f64)> {
+    /// Fails with [`DesignError::Stopped`] before the next field once the flag is set.
+    pub fn converged(&self, lens: &Lens, tolerance: f64, cancel: &Cancel) -> Result<(Self, f64)> {
         if self.options.kind == PsfKind::Diffraction || focused_thin_lens_mm(lens).is_some() {
             return Ok((self.clone(), 0.0));
         }
@@ -282,6 +312,7 @@ impl PsfPlan {
         let found: Vec<(usize, f64)> = checked
             .par_iter()
             .map(|field| {
+                cancel.check()?;
                 let psf = psf_converged(lens, *field, &self.wavelengths_um, &self.options, &refinement);
                 let psf = psf.ok_or_else(|| DesignError::no_light(lens, *field, &self.wavelengths_um))?;
                 Ok((psf.cells, psf.error))
@@ -304,7 +335,7 @@ impl PsfPlan {
         }
         let reference = lens.at_wavelength(lens.reference_um);
         let mut angles: Vec<f64> = Vec::with_capacity(self.field_radius_mm.len());
-        let mut scale_mm = image_scale_mm(lens);
+        let mut scale_mm = paraxial_scale_mm(lens);
         let on_axis = axis_field(lens, &reference);
         // Angles grow from the field that is imaged on the axis.
         let first = on_axis.unwrap_or(0.0);
@@ -328,26 +359,9 @@ impl PsfPlan {
         Ok(angles)
     }
 
-    /// Image height per tangent of the field, mm, which an ideal image has everywhere: that of the lens near the axis of the image. `None` if
-    /// there is no field off the axis.
+    /// [`image_scale_mm`] of the fields of the plan.
     pub fn image_scale_mm(&self, lens: &Lens) -> Result<Option<f64>> {
-        let reference = lens.at_wavelength(lens.reference_um);
-        let axis = axis_field(lens, &reference).unwrap_or(0.0);
-        let last = self.field_angles(lens)?.last().copied().unwrap_or(axis);
-        let near = (last - axis) * NEAR_AXIS;
-        if near == 0.0 {
-            return Ok(None);
-        }
-        let height = |field: f64| {
-            let chief = chief_ray(&reference, field);
-            Ok::<_, DesignError>(chief.ok_or_else(|| DesignError::no_light(lens, field, &[]))?.y_mm)
-        };
-        // A rotationally symmetric lens mirrors its chief rays, so one of them is enough.
-        if lens.is_rotationally_symmetric() {
-            return Ok(Some(height(near)? / near.tan()));
-        }
-        let (below, above) = (axis - near, axis + near);
-        Ok(Some((height(above)? - height(below)?) / (above.tan() - below.tan())))
+        image_scale_mm(lens, self.field_angles(lens)?.last().copied().unwrap_or(0.0))
     }
 
     /// Distances of the images of fields from the axis, mm: the radii of the plan, where the chief rays land at them.
@@ -412,10 +426,14 @@ impl PsfPlan {
         Ok(BankWithTape { bank, fields: traced, surfaces: lens.surfaces.len() })
     }
 
-    /// PSFs of every field in double precision, for analysis and for files.
-    pub fn psfs(&self, lens: &Lens) -> Result<Vec<FieldPsf>> {
-        let angles = self.field_angles(lens)?;
-        angles.par_iter().enumerate().map(|(i, field)| Ok(self.psf(lens, i, *field)?.0)).collect()
+    /// PSFs of every field in double precision, for analysis and for files. Fails with [`DesignError::Stopped`] before the next field once
+    /// the flag is set.
+    pub fn psfs(&self, lens: &Lens, cancel: &Cancel) -> Result<Vec<FieldPsf>> {
+        let of_field = |(i, field): (usize, &f64)| -> Result<FieldPsf> {
+            cancel.check()?;
+            Ok(self.psf(lens, i, *field)?.0)
+        };
+        self.field_angles(lens)?.par_iter().enumerate().map(of_field).collect()
     }
 
     /// The same for lenses that move from one whose PSFs are these: those of the fields that are by rays now stay so.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use petzval_base::parameter::Parameter;
-use petzval_base::{counted, pasted};
+use petzval_base::{Cancel, counted, pasted};
 use petzval_camera::psf::PsfBank;
 use petzval_files::{LensFile, parse_lens};
 use petzval_optics::analysis::first_order_table;
@@ -248,7 +248,7 @@ fn cameras_in_words(setup: &Setup, events: &[Event]) -> String {
 
 /// PSFs at the shown fields, with their RMS radii.
 fn psf_views(plan: &PsfPlan, lens: &Lens) -> Result<Vec<PsfView>> {
-    let psfs = plan.psfs(lens)?;
+    let psfs = plan.psfs(lens, &Cancel::default())?;
     let last = psfs.len() - 1;
     let shown = SHOWN_QUARTERS.map(|q| &psfs[(q * last + 2) / 4]);
     let view = |psf: &&FieldPsf| {

@@ -255,7 +255,7 @@ impl Rig {
                 let plan = psf.plan(&sensor, psf.scoring_pupil_cells)?.with_fields(psf.scoring_fields);
                 // A picture is what a camera takes: even a lens without aberrations has its pupil.
                 let plan = PsfPlan { perfect_image: PerfectImage::AiryDisk, ..plan };
-                let (plan, error) = plan.converged(&lens, psf.scoring_pupil_error)?;
+                let (plan, error) = plan.converged(&lens, psf.scoring_pupil_error, context.cancel())?;
                 if let Some((kind, text)) = coarse_pupil(&psf, plan.quadrature.cells, error) {
                     context.warning(kind, text);
                 }

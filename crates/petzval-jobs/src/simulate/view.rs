@@ -392,7 +392,7 @@ fn exact_camera(
 ) -> Result<Kept> {
     let plan = psf.plan(sensor, psf.scoring_pupil_cells)?.with_fields(psf.scoring_fields);
     let plan = PsfPlan { perfect_image: PerfectImage::AiryDisk, ..plan };
-    let (plan, error) = plan.converged(lens, psf.scoring_pupil_error)?;
+    let (plan, error) = plan.converged(lens, psf.scoring_pupil_error, context.cancel())?;
     context.check(|| "stopped before the PSFs were traced")?;
     let sizes = (plan.field_radius_mm.len(), plan.quadrature.cells);
     let psfs = PsfSource::Traced { lens: Box::new(lens.clone()), plan }.psfs()?;

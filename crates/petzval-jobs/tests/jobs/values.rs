@@ -46,6 +46,28 @@ fn a_bank_of_psfs_is_what_the_files_hold() {
 }
 
 #[test]
+fn a_cancelled_bank_of_psfs_writes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("psf");
+    let of = |kind: psf::PsfKind| psf::Request {
+        lens: "cooke-triplet-nominal".into(),
+        out: out.clone(),
+        fields: 2,
+        grid: 32,
+        pitch_um: 4.0,
+        kind,
+        ..psf::Request::default()
+    };
+    for kind in [psf::PsfKind::Geometric, psf::PsfKind::Diffraction] {
+        let context = context();
+        context.cancel().set();
+        let stopped = psf::run(&of(kind), &context).unwrap_err();
+        assert!(matches!(&stopped, JobError::Stopped(stopped) if stopped.kept.is_empty()), "{stopped}");
+        assert!(!out.exists());
+    }
+}
+
+#[test]
 fn frames_and_developed_pictures_are_what_the_files_hold() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("taken");

@@ -349,7 +349,7 @@ def psf(
     pupil_error = real("pupil_error", pupil_error)
     with watch(progress, cancel) as watching:
         values, illumination, chief_mm, captured, pupil_cells, error = plan.of_lens(lens._core, pupil_error, watching)
-    scale_mm = _petzval.image_scale_mm(lens._core)
+    scale_mm = plan.image_scale_mm(lens._core)
     return PsfBank(
         values,
         illumination,

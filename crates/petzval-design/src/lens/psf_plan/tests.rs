@@ -216,11 +216,11 @@ fn radii_in_files_are_the_distances_of_the_images_from_the_axis() {
     let plan = three_fields();
     for decenter_mm in [[0.0; 2], [0.0, 0.4]] {
         let lens = decentred(decenter_mm);
-        let psfs = plan.psfs(&lens).unwrap();
+        let psfs = plan.psfs(&lens, &Cancel::default()).unwrap();
         assert_eq!(plan.landing_radii_mm(&lens, &psfs), plan.field_radius_mm);
     }
     let lens = decentred([0.4, 0.0]);
-    let psfs = plan.psfs(&lens).unwrap();
+    let psfs = plan.psfs(&lens, &Cancel::default()).unwrap();
     for (radius_mm, psf) in plan.landing_radii_mm(&lens, &psfs).into_iter().zip(&psfs) {
         assert!(psf.chief_x_mm.abs() > 0.01, "{}", psf.chief_x_mm);
         assert_eq!(radius_mm, psf.chief_x_mm.hypot(psf.chief_y_mm));
@@ -240,4 +240,30 @@ fn the_scale_of_a_decentred_lens_is_the_slope_of_its_image_height() {
     let nominal = assets().lens("cooke-triplet-nominal").unwrap().lens;
     let near = plan.field_angles(&nominal).unwrap()[2] * NEAR_AXIS;
     assert_eq!(scale_mm(&nominal), height_mm(&nominal, near) / near.tan());
+}
+
+#[test]
+fn the_scale_of_a_lens_out_of_focus_is_that_of_its_chief_rays_on_the_plane() {
+    let plan = three_fields();
+    let nominal = assets().lens("cooke-triplet-nominal").unwrap().lens;
+    let lens = with_paraxial_focus(&nominal, 1.0);
+    let last = plan.field_angles(&lens).unwrap()[2];
+    let scale_mm = scale_of_bank_mm(&lens, last).unwrap();
+    assert_eq!(Some(scale_mm), plan.image_scale_mm(&lens).unwrap());
+    // A plane that is 1 mm away from the paraxial image has another scale than the focal length.
+    assert!((scale_mm / paraxial_scale_mm(&lens) - 1.0).abs() > 5e-3, "{scale_mm}");
+    // The image of a near object is upside down, and the bank has radii without a sign.
+    let near = with_paraxial_focus(&Lens { object: ObjectDistance::Finite(200.0), ..nominal.clone() }, 0.0);
+    let stated_mm = scale_of_bank_mm(&near, 0.1).unwrap();
+    assert!((stated_mm / paraxial_scale_mm(&near) - 1.0).abs() < 1e-3, "{stated_mm}");
+    assert_eq!(scale_of_bank_mm(&nominal, 0.0), None);
+}
+
+#[test]
+fn a_cancelled_plan_traces_no_field() {
+    let (plan, cancel) = (three_fields(), Cancel::default());
+    let lens = assets().lens("cooke-triplet-nominal").unwrap().lens;
+    cancel.set();
+    assert!(plan.psfs(&lens, &cancel).is_err_and(|error| error.is_stopped()));
+    assert!(plan.converged(&lens, 1e-9, &cancel).is_err_and(|error| error.is_stopped()));
 }
