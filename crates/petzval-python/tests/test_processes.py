@@ -7,10 +7,12 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
 import petzval as pz
+from petzval._errors import Place
 
 
 def _rms(field: float) -> float:
@@ -22,6 +24,43 @@ def test_a_child_process_has_threads_of_its_own(method: str) -> None:
     wanted = [_rms(field) for field in (0.0, 5.0)]
     with multiprocessing.get_context(method).Pool(2) as pool:
         assert pool.map_async(_rms, [0.0, 5.0]).get(timeout=60) == wanted
+
+
+def _exceptions(of: type[pz.PetzvalError] = pz.PetzvalError) -> list[type[pz.PetzvalError]]:
+    return [of, *(further for each in of.__subclasses__() for further in _exceptions(each))]
+
+
+def _made(kind: type[pz.PetzvalError]) -> pz.PetzvalError:
+    place = Place(path=Path("a.toml"), line=3, key="pixel_um", value="0")
+    error = kind("a.toml:3: out of range", message="out of range", place=place, hint="above 0", kind="file")
+    if isinstance(error, pz.Stopped):
+        error.kept, error.resume = [Path("best.toml")], {"start": {"resume": {"folder": "a"}}}
+    return error
+
+
+def _raise(kind: type[pz.PetzvalError]) -> None:
+    raise _made(kind)
+
+
+def _raise_stopped(_: int) -> None:
+    cancel = pz.Cancel()
+    cancel.set()
+    pz.Lens.load("cooke-triplet-nominal").tolerance(trials=10, cancel=cancel)
+
+
+@pytest.mark.parametrize("method", ["fork", "spawn"])
+def test_exceptions_come_back_from_other_processes(method: str) -> None:
+    assert pz.Stopped in _exceptions() and pz.InputError in _exceptions()
+    with multiprocessing.get_context(method).Pool(1) as pool:
+        for kind in _exceptions():
+            wanted = _made(kind)
+            with pytest.raises(pz.PetzvalError) as caught:
+                pool.map_async(_raise, [kind]).get(timeout=60)
+            found = caught.value
+            assert type(found) is kind and str(found) == str(wanted) and vars(found) == vars(wanted)
+        with pytest.raises(pz.Stopped) as stopped:
+            pool.map_async(_raise_stopped, [0]).get(timeout=60)
+        assert stopped.value.kind == "stopped"
 
 
 def test_an_interrupt_stops_a_job() -> None:

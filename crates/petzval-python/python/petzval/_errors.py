@@ -29,6 +29,9 @@ class Place:
 class PetzvalError(Exception):
     """Something that Petzval could not do.
 
+    Exceptions go from process to process by pickle, which makes them of their text alone and then sets their attributes. So every other argument
+    of a subclass has a default.
+
     Attributes:
         message: What is wrong.
         place: Where: an argument, or a file with its line.
@@ -66,11 +69,12 @@ class Stopped(PetzvalError):
         response: What was found until then, if that is of use.
     """
 
-    def __init__(self, text: str, *, stopped: dict[str, Any], **known: Any) -> None:
+    def __init__(self, text: str, *, stopped: dict[str, Any] | None = None, **known: Any) -> None:
         super().__init__(text, **known)
-        self.kept = [Path(path) for path in stopped.get("kept", [])]
-        self.resume: dict[str, Any] | None = stopped.get("resume")
-        self.response: dict[str, Any] | None = stopped.get("response")
+        what = stopped or {}
+        self.kept = [Path(path) for path in what.get("kept", [])]
+        self.resume: dict[str, Any] | None = what.get("resume")
+        self.response: dict[str, Any] | None = what.get("response")
 
 
 class PetzvalWarning(UserWarning):
