@@ -1,6 +1,9 @@
 import pickle
 import re
+import shutil
+import tempfile
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -140,6 +143,31 @@ def test_the_penalty_has_its_gradient(triplet: pz.Lens) -> None:
         h[i] = step
         difference = (space.penalty(x + h)[0] - space.penalty(x - h)[0]) / (2 * step)
         assert gradient[i] == pytest.approx(difference, rel=1e-5, abs=1e-6)
+
+
+def test_a_stopped_optimisation_keeps_what_its_exception_names(triplet: pz.Lens, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    cancel = pz.Cancel()
+    how = {"goal": {"edge": 0.8}, "iterations": 20}
+    with pytest.raises(pz.Stopped) as caught:
+        triplet.optimize(**how, cancel=cancel, progress=lambda event: event["event"] == "progress" and cancel.set())
+    stopped = caught.value
+    assert stopped.kept and all(path.exists() for path in stopped.kept)
+    assert stopped.resume is not None and stopped.response is not None
+    best = pz.Lens.load(stopped.response["found"]["lens"])
+    resumed = pz.jobs.run("lens-optimize", stopped.resume)
+    assert pz.Lens.load(resumed["found"]["lens"]).spots().rms_um.mean() <= best.spots().rms_um.mean()
+    (folder,) = tmp_path.iterdir()
+    shutil.rmtree(folder)
+
+    # One that ends names no files that are gone, and leaves none; so does one whose arguments are wrong.
+    found = triplet.optimize(goal={"edge": 0.8}, iterations=2).response["found"]
+    assert not {"lens", "page"} & found.keys() and found["steps"] > 0
+    with pytest.raises(pz.InputError):
+        triplet.optimize(iterations=-1)
+    assert not list(tmp_path.iterdir())
+    kept = triplet.optimize(tmp_path / "kept", goal={"edge": 0.8}, iterations=2).response["found"]
+    assert Path(kept["lens"]).is_file() and Path(kept["page"]).is_file()
 
 
 def test_a_lens_is_optimised_and_toleranced(triplet: pz.Lens, tmp_path) -> None:

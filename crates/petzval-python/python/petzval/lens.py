@@ -6,8 +6,10 @@ import html
 import json
 import math
 import os
+import shutil
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -18,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval, jobs
 from ._arguments import count, finite, made_by, path_of, paths_of, real, reals, shaped
-from ._errors import InputError, Place, setting
+from ._errors import InputError, Place, Stopped, setting
 from ._petzval import Cancel
 from ._watch import Progress, watch
 
@@ -467,18 +469,23 @@ class Lens:
         """The lens optimised within limits, by the job ``lens-optimize``.
 
         Args:
-            out: Folder for the history, with which an interrupted optimisation goes on; none is kept if left out.
+            out: Folder for the history, with which an interrupted optimisation goes on. If left out, the history is in a temporary folder, which is
+                removed at the end; after a `Stopped` it stays, and is yours to remove.
             goal: What the lens has to be, such as ``{"edge": 0.8, "track": 60.0}``; the schema of the job has all keys.
             search: Whether to search the whole of the bounds, not only downhill from the lens.
             seed: Seed of the search.
             progress: ``True`` for a bar, or a function that takes every event.
             cancel: A flag that another thread may set.
             **request: Further keys of the job, such as ``iterations=50`` or ``rounds=100``; see `petzval.requests.LensOptimize`.
+
+        Raises:
+            InputError: An argument is wrong, or the lens has no image.
+            Stopped: The flag was set. Its `kept` names the folder with the best lens so far, and ``petzval.jobs.run("lens-optimize", stopped.resume)``
+                goes on.
         """
-        with tempfile.TemporaryDirectory() as folder:
-            kept = Path(folder) / "optimised" if out is None else Path(out)
-            if not (goal is None or isinstance(goal, Mapping)):
-                raise setting("goal", repr(goal), f"is of the type {type(goal).__name__}", 'such as {"edge": 0.8, "track": 60.0}')
+        if not (goal is None or isinstance(goal, Mapping)):
+            raise setting("goal", repr(goal), f"is of the type {type(goal).__name__}", 'such as {"edge": 0.8, "track": 60.0}')
+        with _kept_if_stopped() if out is None else nullcontext(Path(out)) as kept:
             new: dict[str, Any] = {"lens": {"toml": self.to_toml()}, "out": kept, "goal": dict(goal or {}), "global": search}
             if seed is not None:
                 new["seed"] = seed
@@ -487,6 +494,8 @@ class Lens:
                 "lens-optimize", asked, glasses=self._core.glasses(), progress=progress, cancel=cancel
             )
             best = Lens.load(response["found"]["lens"], glasses=self._core.glasses())
+        if out is None:
+            response["found"] = {key: value for key, value in response["found"].items() if key not in ("lens", "page")}
         return Optimized(lens=best, response=response)
 
     def tolerance(self, *, progress: Progress = False, cancel: Cancel | None = None, **request: Any) -> Tolerance:
@@ -521,6 +530,21 @@ class Lens:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _again, (self.to_toml(), self._core.glasses())
+
+
+@contextmanager
+def _kept_if_stopped() -> Iterator[Path]:
+    """A folder for the time of a job. If the job was stopped and has kept something there, the folder stays: the exception names it."""
+    folder = Path(tempfile.mkdtemp(prefix="petzval-"))
+    stays = False
+    try:
+        yield folder / "optimised"
+    except Stopped as stopped:
+        stays = any(path.exists() for path in stopped.kept)
+        raise
+    finally:
+        if not stays:
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def _again(toml: str, glasses: list[str]) -> Lens:
@@ -583,7 +607,12 @@ class DesignSpace:
 
 @dataclass(frozen=True)
 class Optimized:
-    """An optimised lens, and the response of the job."""
+    """An optimised lens, and the response of the job.
+
+    Attributes:
+        lens: The best lens.
+        response: The response of the job. ``found`` names the files ``lens`` and ``page`` only if the optimisation had a folder to keep them in.
+    """
 
     lens: Lens
     response: dict[str, Any]
