@@ -178,6 +178,29 @@ class RawFrame:
         """What is known of the frame, without its size and numbers."""
         return json.dumps([self.bits, self.cfa, self._facts["about"]])
 
+    @classmethod
+    def _of_about(cls, about: str) -> RawFrame:
+        """The frame without pixels of which `_about` says this."""
+        bits, cfa, known = json.loads(about)
+        companding, noise = known["companding"], known["noise"]
+        info = FrameInfo(
+            bits=bits,
+            cfa=cfa,
+            # `black_dn` takes precedence.
+            black_level_dn=0.0,
+            black_dn=known["black_dn"],
+            white_dn=known["white_dn"],
+            response=known["response"],
+            saturation=known["saturation"],
+            noise=(noise["shot"], noise["read"]),
+            gain_ev=known["gain_ev"],
+            colour_matrix=known["colour_matrix"],
+            shading=_nodes(known["shading"]),
+            warp=_nodes(known["warp"]),
+            companding=None if companding is None else (companding["companded_dn"], companding["linear_dn"]),
+        )
+        return cls.like(info)
+
     @cached_property
     def linear_dn(self) -> NDArray[np.float32]:
         """Digital numbers proportional to light, ``[y, x]``: expanded where the frame is companded."""
@@ -247,3 +270,8 @@ def _mesh(key: str, values: ArrayLike | None, planes: int) -> dict[str, Any] | N
     rows, cols = array.shape[1:]
     nodes = shaped(key, array, (planes, rows, cols))
     return {"rows": rows, "cols": cols, "planes": [[v for row in plane for v in row] for plane in nodes]}
+
+
+def _nodes(mesh: dict[str, Any] | None) -> NDArray[np.float64] | None:
+    """The planes of a mesh of a calibration, ``[plane, rows, cols]``."""
+    return None if mesh is None else np.array(mesh["planes"], dtype=np.float64).reshape(-1, mesh["rows"], mesh["cols"])

@@ -1,6 +1,12 @@
 """Development as operators: equal to Petzval's own, with gradients, and a parameter that is found by descent."""
 
+import copy
+import io
+import pickle
+import subprocess
 import sys
+import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -175,6 +181,85 @@ def test_a_module_moves_parameters_inside_their_ranges() -> None:
     again = pt.Isp(ISP, frame=FRAME, vary="gamma.toe")
     again.load_state_dict(toe.state_dict())
     assert torch.equal(again.values(), toe.values())
+
+
+def test_a_pickled_module_develops_for_its_own_camera_in_another_process(tmp_path) -> None:
+    # Companded numbers and meshes are known of the frame, too.
+    grid = np.linspace(0.6, 1.0, 36)
+    about = {"companding": ([0, 1000, 4095], [0, 1000, 60000]), "shading": grid.reshape(3, 3, 4), "warp": grid[:24].reshape(2, 3, 4)}
+    colours = {"response": [0.7, 1.0, 0.81], "noise": (2e-4, 1e-6), "saturation": 1.4, "white_dn": 50000.0, "colour_matrix": np.eye(3) + 0.1}
+    info = pz.FrameInfo(bits=12, cfa="GRBG", black_level_dn=64.0, gain_ev=1.5, **about, **colours)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", pz.PetzvalWarning)
+        frame = pz.RawFrame.like(info)
+    assert pz.RawFrame._of_about(frame._about)._about == frame._about
+
+    for known in (FRAME, frame):
+        chip = pt.Isp(ISP, frame=known, vary="sharpen")
+        with torch.no_grad():
+            wanted = chip(raw())
+        assert torch.equal(pickle.loads(pickle.dumps(chip))(raw()), wanted)
+        assert torch.equal(copy.deepcopy(chip)(raw()), wanted)
+        torch.save({"chip": chip, "raw": raw(), "wanted": wanted}, tmp_path / "chip.pt")
+        # The other process has an ISP of its own first, of another camera.
+        code = f"""
+import sys, torch, petzval as pz, petzval.torch as pt
+pz.set_threads(1)
+pt.Isp(pz.Isp.load("neutral").with_(demosaic="bilinear"), frame=pz.FrameInfo(bits=12, cfa="RGGB", black_level_dn=200, white_dn=4000, noise=(1e-4, 0)))
+kept = torch.load({str(tmp_path / "chip.pt")!r}, weights_only=False)
+with torch.no_grad():
+    print(torch.equal(kept["chip"](kept["raw"]), kept["wanted"]))
+"""
+        done = subprocess.run([sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True)
+        assert done.stdout == "True\n", done.stderr
+
+
+def test_a_state_is_loaded_only_by_a_module_with_the_same_parameters() -> None:
+    def made(vary: Any, isp: pz.Isp = ISP, frame: pz.RawFrame = FRAME) -> Any:
+        return pt.Isp(isp, frame=frame, vary=vary)
+
+    two = ["sharpen.amount", "sharpen.sigma"]
+    kept = io.BytesIO()
+    torch.save(torch.nn.Sequential(made(two)).state_dict(), kept)
+    kept.seek(0)
+    state = torch.load(kept, weights_only=True)
+    again = torch.nn.Sequential(made(two))
+    with torch.no_grad():
+        again[0].places.add_(0.1)
+    again.load_state_dict(state)
+    assert torch.equal(again[0].places, made(two).places)
+
+    gain = pz.RawFrame.like(replace(INFO, gain_ev=INFO.gain_ev + 1.0))
+    # At another gain the values that do not vary are held as they are: the gain alone differs.
+    for other, what in (
+        (made(["gamma.exponent", "output.contrast"]), "parameters that vary"),
+        (made(two, ISP.with_(gamma_exponent=1.1 * ISP["gamma.exponent"])), "do not vary"),
+        (made(two, frame=gain), "gain"),
+    ):
+        before = other.places.detach().clone()
+        with pytest.raises(pz.InputError, match=what):
+            torch.nn.Sequential(other).load_state_dict(state)
+        assert torch.equal(other.places, before)
+
+    # States of earlier versions hold the places alone.
+    with torch.no_grad():
+        again[0].places.add_(0.1)
+    with pytest.warns(pz.PetzvalWarning, match="earlier version"):
+        again.load_state_dict({"0.places": state["0.places"]})
+    assert torch.equal(again[0].places, state["0.places"])
+
+
+def test_a_module_stays_float64_whatever_a_model_is_cast_to() -> None:
+    chip = pt.Isp(ISP, frame=FRAME, vary="sharpen")
+    places, wanted = chip.places.detach().clone(), chip.values().detach()
+    for cast in (lambda: chip.half(), lambda: chip.to(torch.bfloat16), lambda: torch.nn.Sequential(chip).float()):
+        cast()
+        assert chip.places.dtype == torch.float64 and torch.equal(chip.places, places)
+        assert torch.equal(chip.values(), wanted)
+    assert chip(raw(dtype=torch.float16)).dtype == torch.float16
+    state = {name: value.half() if isinstance(value, torch.Tensor) else value for name, value in chip.state_dict().items()}
+    chip.load_state_dict(state, assign=True)
+    assert chip.places.dtype == torch.float64
 
 
 def test_parameters_are_found_by_descent() -> None:

@@ -8,6 +8,7 @@ device are copied there and back, and results have the device and the type of th
 from __future__ import annotations
 
 import threading
+import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -15,11 +16,12 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from .._errors import InputError, Place
+from .._errors import InputError, PetzvalWarning, Place
 from .._watch import watch
 from ..isp import Isp as _Isp
 from ..linear_isp import LinearIsp
 from ..raw_frame import FrameInfo, RawFrame
+from ._exact import alike, keeping_types
 
 __all__ = ["Isp", "develop", "develop_linear"]
 
@@ -243,12 +245,23 @@ class _Bounded(torch.autograd.Function):
         return torch.where(leads_out, torch.zeros_like(cotangent), cotangent)
 
 
+_STATED = {
+    "varied": "the parameters that vary, or their bounds,",
+    "held": "values of parameters that do not vary",
+    "gain_ev": "the frame and its gain",
+}
+"""What the state of an `Isp` says of itself, in words."""
+
+
 class Isp(nn.Module):
     """Petzval's automotive ISP as a module: its parameters move inside their ranges.
 
-    The parameter of the module is `places`, ``[varied]``, float64: where each varied parameter of the ISP lies in its range, 0 to 1, by equal
+    The parameter of the module is `places`, ``[varied]``: where each varied parameter of the ISP lies in its range, 0 to 1, by equal
     differences or, of scale ``log``, by equal ratios. Petzval's own training moves the same places. What a step moves beyond a bound counts as
     the bound, and derivatives that lead further out are zero.
+
+    It stays float64 whatever the rest of a model is cast to (``.half()``, ``.to(torch.bfloat16)``): cast the raw frames instead. A state is loaded
+    only by a module with the same varied parameters, the same values of all others, and the same gain of the frame.
 
         >>> chip = petzval.torch.Isp(petzval.Isp.load("quality"), frame=info, vary=["sharpen", "gamma.exponent"])
         >>> optimizer = torch.optim.Adam(chip.parameters(), lr=0.02)
@@ -274,7 +287,8 @@ class Isp(nn.Module):
         super().__init__()
         known = _known(frame)
         self._isp = isp.at_gain(known.gain_ev)
-        self._number = _number(isp, known)
+        self._about, self._gain_ev = known._about, known.gain_ev
+        self._number = _number(self._isp, known)
         rows = list(self._isp.parameters.values())
         varied = self._isp._core.places([vary] if isinstance(vary, str) else list(vary))
         self.varied = tuple(rows[i].name for i in varied)
@@ -317,6 +331,52 @@ class Isp(nn.Module):
         values = self.values().detach()[self._varied].clamp(self._low, self._low + self._width)
         return self._isp.with_(dict(zip(self.varied, values.tolist(), strict=True)))
 
+    def get_extra_state(self) -> dict[str, Any]:
+        """What the places stand for: a state is loaded only by a module with the same."""
+        rows = self._isp.parameters
+        varied = [[name, rows[name].min, rows[name].max, rows[name].scale] for name in self.varied]
+        held = [[name, float(row.value)] for name, row in rows.items() if name not in self.varied]
+        return {"varied": varied, "held": held, "gain_ev": [[self._gain_ev]]}
+
+    def set_extra_state(self, state: dict[str, Any]) -> None:
+        for key, what in _STATED.items():
+            mine = self.get_extra_state()[key]
+            if not isinstance(state, dict) or not alike(state.get(key), mine):
+                raise InputError(
+                    f"state: {what} are not as in this petzval.torch.Isp",
+                    place=Place(key="state"),
+                    hint="make the module with the ISP, the frame and `vary` with which the state was saved",
+                )
+
+    def _load_from_state_dict(self, state_dict: dict[str, Any], prefix: str, *rest: Any) -> None:
+        extra, places = f"{prefix}_extra_state", f"{prefix}places"
+        # Before the places are overwritten.
+        if extra in state_dict:
+            self.set_extra_state(state_dict[extra])
+        elif places in state_dict:
+            warnings.warn(
+                "a state of an earlier version does not say of which parameters of the ISP it holds the places: those of this module are assumed",
+                PetzvalWarning,
+                stacklevel=2,
+            )
+            state_dict[extra] = self.get_extra_state()
+        # With ``assign=True`` the tensor itself becomes the parameter.
+        if isinstance(state_dict.get(places), Tensor):
+            state_dict[places] = state_dict[places].to(torch.float64)
+        super()._load_from_state_dict(state_dict, prefix, *rest)
+
+    def _apply(self, fn: Callable[[Tensor], Tensor], recurse: bool = True) -> Isp:
+        super()._apply(keeping_types(fn), recurse)
+        return self
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        super().__setstate__(state)
+        if "_about" not in state:
+            hint = "make the module anew, with its frame, and load its state_dict()"
+            raise InputError("petzval.torch.Isp: pickled by an earlier version, which left out what is known of the frame", hint=hint)
+        # Another process counts its ISPs anew.
+        self._number = _numbered(self._isp, self._about, lambda: RawFrame._of_about(self._about))
+
     def extra_repr(self) -> str:
         return f"vary={list(self.varied)}"
 
@@ -338,7 +398,12 @@ def _known(frame: FrameInfo | RawFrame) -> RawFrame:
 @torch.compiler.assume_constant_result
 def _number(isp: _Isp, frame: RawFrame) -> int:
     """The number of an ISP's methods for frames of a camera."""
-    return _KEPT.number((isp.demosaic, isp.domain, frame._about), lambda: (isp._core, frame._core.without_pixels()))
+    return _numbered(isp, frame._about, lambda: frame)
+
+
+def _numbered(isp: _Isp, about: str, frame: Callable[[], RawFrame]) -> int:
+    """The number of an ISP's methods for frames of which this is known; `frame` makes one if there is no number yet."""
+    return _KEPT.number((isp.demosaic, isp.domain, about), lambda: (isp._core, frame()._core.without_pixels()))
 
 
 @torch.compiler.assume_constant_result

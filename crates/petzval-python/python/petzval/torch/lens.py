@@ -17,6 +17,7 @@ from ..lens import DesignSpace
 from ..lens import Lens as PlainLens
 from ..psfs import Kind
 from . import _ops
+from ._exact import alike, keeping_types
 from ._patches import radii
 
 __all__ = ["Lens", "Psfs"]
@@ -170,7 +171,7 @@ class Lens(nn.Module):
         return {"coordinates": rows}
 
     def set_extra_state(self, state: dict[str, Any]) -> None:
-        if not _alike(state, self.get_extra_state()):
+        if not isinstance(state, dict) or not alike(state.get("coordinates"), self.get_extra_state()["coordinates"]):
             raise InputError(
                 f"state: its coordinates are not those of {self._title!r}",
                 place=Place(key="state"),
@@ -187,15 +188,7 @@ class Lens(nn.Module):
         super()._load_from_state_dict(state_dict, prefix, *rest)
 
     def _apply(self, fn: Callable[[Tensor], Tensor], recurse: bool = True) -> Lens:
-        def kept(tensor: Tensor) -> Tensor:
-            # Every cast of a module comes through here, also as part of a larger one.
-            try:
-                moved = fn(tensor)
-            except TypeError:
-                return tensor
-            return moved if moved.dtype == tensor.dtype else tensor.to(moved.device)
-
-        super()._apply(kept, recurse)
+        super()._apply(keeping_types(fn), recurse)
         return self
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -230,17 +223,3 @@ def _numbers(name: str, values: Any) -> tuple[float, ...]:
         return (float(values),) if isinstance(values, (int, float)) else tuple([float(value) for value in values])
     except (TypeError, ValueError) as error:
         raise _wrong(name, values, "a list of numbers") from error
-
-
-def _alike(state: Any, mine: dict[str, Any]) -> bool:
-    """Whether two states have the same coordinates: names, and bounds up to rounding."""
-    if not isinstance(state, dict) or len(state.get("coordinates", ())) != len(mine["coordinates"]):
-        return False
-
-    def near(a: Any, b: Any) -> bool:
-        if isinstance(a, float) and isinstance(b, float):
-            return abs(a - b) <= 1e-9 * max(abs(a), abs(b))
-        return bool(a == b)
-
-    rows = zip(state["coordinates"], mine["coordinates"])
-    return all(near(a, b) for row, my_row in rows for a, b in zip(row, my_row))
