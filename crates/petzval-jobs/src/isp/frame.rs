@@ -4,8 +4,8 @@ use std::path::Path;
 
 use petzval_camera::develop::dark_mean_dn;
 use petzval_camera::isp::{
-    BalanceOptions, ExposureOptions, FrameData, MergeOptions, Merged, Motion, NoiseProfile, RawInput,
-    RgbPicture, Statistics, auto_balance, auto_exposure_ev, merge_exposures,
+    BalanceGains, BalanceOptions, ExposureOptions, FrameData, MergeOptions, Merged, Motion, NoiseProfile,
+    RawInput, RgbPicture, Statistics, auto_balance, finished_exposure_ev, merge_exposures,
 };
 use petzval_camera::sensor::{CfaPattern, Colour, Exposure, SensorModel};
 use petzval_design::library::Library;
@@ -26,6 +26,12 @@ use crate::pixels::check_numbers;
 
 /// Largest digital number of white.
 const MOST_WHITE_DN: f64 = 1e8;
+
+/// Least digital numbers from black to white to which automatic exposure amplifies.
+const LEAST_RANGE_DN: f64 = 2.0;
+
+/// Exposure that automatic exposure may miss without a warning, stops.
+const MISSED_EV: f64 = 0.1;
 
 /// What raw files leave open.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -245,7 +251,7 @@ impl Frame {
 /// Reads a raw frame.
 pub(super) fn read_one(source: Source<'_>, options: &FrameOptions, noted: &Noted<'_>) -> Result<Frame> {
     let Exposed { mut frame, orientation, .. } = read_exposure(source, options, noted)?;
-    estimate(&mut frame, options).map_err(about_frame(source.path()))?;
+    estimate(&mut frame, options, source.path(), noted).map_err(about_frame(source.path()))?;
     Ok(Frame { input: frame, orientation })
 }
 
@@ -283,14 +289,13 @@ pub(super) fn read_merged(
     if longest.is_none_or(|i| !have_white[i]) && !options.auto_exposure {
         white_at_saturation(&mut frame.about);
     }
-    estimate(&mut frame, options).map_err(about_frame(first))?;
+    estimate(&mut frame, options, first, noted).map_err(about_frame(first))?;
     Ok(Frame { input: frame, orientation: orientations.first().copied().flatten() })
 }
 
 /// Makes the light white at which the strongest colour saturates, as in a single frame without a stated white.
 fn white_at_saturation(about: &mut FrameData) {
-    let strongest = about.response.into_iter().fold(f64::MIN_POSITIVE, f64::max);
-    set_white(about, about.saturation * strongest);
+    set_white(about, about.saturation * strongest(about.response));
 }
 
 /// Warns of exposures that are given and contradict those that two of the frames state.
@@ -406,9 +411,7 @@ fn read_exposure(source: Source<'_>, options: &FrameOptions, noted: &Noted<'_>) 
         return Err(JobError::input(format!("{}: `{key} = {white_dn}`: {message}", path.display()), hint));
     }
     let range = white_dn - black_dn;
-    let saturation = |response: [f64; 3]| {
-        (full_dn - black_dn) / range / response.into_iter().fold(f64::MIN_POSITIVE, f64::max)
-    };
+    let saturation = |response: [f64; 3]| (full_dn - black_dn) / range / strongest(response);
     let about = match &sensor {
         Some(sensor) => {
             let green: f64 = sensor.response(Colour::Green).iter().sum();
@@ -634,25 +637,58 @@ fn calibration(frame: &Path, name: &str) -> Result<FrameCalibration> {
     })
 }
 
-/// Changes the calibration of a frame to the light that its statistics suggest.
-fn estimate(frame: &mut RawInput, options: &FrameOptions) -> Result<(), petzval_camera::isp::IspError> {
+/// Changes the calibration of a frame to the light that its statistics suggest: the balance first, since the exposure is that of balanced colours.
+fn estimate(
+    frame: &mut RawInput,
+    options: &FrameOptions,
+    path: &Path,
+    noted: &Noted<'_>,
+) -> Result<(), petzval_camera::isp::IspError> {
     frame.validate()?;
     if !options.auto_balance && !options.auto_exposure {
         return Ok(());
     }
     let statistics = Statistics::of_frame(frame)?;
     let about = &mut frame.about;
-    if options.auto_exposure {
-        // The exposure cannot change any more: the white level is moved instead.
-        let ev = auto_exposure_ev(&statistics, about.response, &ExposureOptions::default());
-        set_white(about, (-ev).exp2());
-    }
     if options.auto_balance {
-        let gains = auto_balance(&statistics, about.response, &BalanceOptions::default());
-        about.response[0] /= gains.red;
-        about.response[2] /= gains.blue;
+        balance(about, auto_balance(&statistics, about.response, &BalanceOptions::default()));
+    }
+    if options.auto_exposure {
+        let ev = finished_exposure_ev(&statistics, about.response, &ExposureOptions::default());
+        amplify(about, ev, path, noted);
     }
     Ok(())
+}
+
+/// Balances by gains of red and blue. The digital numbers at which pixels saturate stay.
+fn balance(about: &mut FrameData, gains: BalanceGains) {
+    let before = strongest(about.response);
+    about.response[0] /= gains.red;
+    about.response[2] /= gains.blue;
+    about.saturation *= before / strongest(about.response);
+}
+
+/// The largest answer of a colour to white light.
+fn strongest(response: [f64; 3]) -> f64 {
+    response.into_iter().fold(f64::MIN_POSITIVE, f64::max)
+}
+
+/// Amplifies a frame by stops, as far as digital gain goes. The light is given, so the white level moves instead.
+fn amplify(about: &mut FrameData, wanted_ev: f64, path: &Path, noted: &Noted<'_>) {
+    let range_dn = about.white_dn - about.black_dn;
+    let most_ev = (range_dn / LEAST_RANGE_DN).log2().max(0.0);
+    let least_ev = (range_dn / MOST_WHITE_DN).log2().min(0.0);
+    let ev = wanted_ev.clamp(least_ev, most_ev);
+    let missed_ev = wanted_ev - ev;
+    if missed_ev.abs() > MISSED_EV {
+        let is = if missed_ev > 0.0 { "dark" } else { "bright" };
+        noted.warning(path.display(), WarningKind::RawFrame, format!(
+            "automatic exposure changes it by {ev:.1} EV, the most that its {range_dn:.0} DN from black to white allow, and \
+             misses the middle by {:.1} EV: the picture is too {is}",
+            missed_ev.abs()
+        ));
+    }
+    set_white(about, (-ev).exp2());
 }
 
 /// Makes light white that is so many times as bright as the present one.

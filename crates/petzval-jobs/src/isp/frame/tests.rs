@@ -65,6 +65,58 @@ fn white_of_a_merged_frame_is_where_the_merged_frame_saturates() {
     }
 }
 
+/// A flat frame of so much light, of the range from black to saturation, with these answers of the colours.
+fn flat(light: f64, answers: [f64; 3]) -> RawFrame<u32> {
+    let dn = |i: usize| {
+        let (row, col) = (i / 64, i % 64);
+        (64.0 + 4031.0 * light * answers[row % 2 + col % 2]).round() as u32
+    };
+    RawFrame { height: 64, width: 64, dn: (0..64 * 64).map(dn).collect(), info: frame().info }
+}
+
+/// What an ISP knows of a frame whose light is estimated, and what was said.
+fn estimated(frame: &RawFrame<u32>) -> (FrameData, Vec<String>) {
+    let raw = RawInMemory { name: "frame", frame, calibration: None };
+    let options = FrameOptions { auto_balance: true, auto_exposure: true, ..FrameOptions::default() };
+    let lines = Arc::new(Lines::default());
+    let context = Context::new(crate::built_in_assets(), lines.clone());
+    let about = frame_in_memory(raw, &options, &context).unwrap().about;
+    let said = lines.0.lock().unwrap().clone();
+    (about, said)
+}
+
+#[test]
+fn a_frame_with_a_cast_is_exposed_by_its_balanced_colours() {
+    for answers in [[1.0; 3], [0.3, 1.0, 0.3], [1.0, 0.35, 1.0], [0.9, 1.0, 0.3]] {
+        let frame = flat(0.4, answers);
+        let (about, _) = estimated(&frame);
+        let range = about.white_dn - about.black_dn;
+        for (i, colour) in [(0, 0), (1, 1), (65, 2)] {
+            let light = (f64::from(frame.dn[i]) - about.black_dn) / range / about.response[colour];
+            assert!((light - 0.18).abs() < 0.002, "{answers:?} {colour}: {light}");
+        }
+        // The strongest colour saturates at 4095 DN before and after.
+        let end_dn = about.black_dn + about.saturation * strongest(about.response) * range;
+        assert!((end_dn - 4095.0).abs() < 1e-6, "{answers:?}: {end_dn}");
+    }
+}
+
+#[test]
+fn a_dark_frame_is_exposed_as_far_as_digital_gain_goes() {
+    // 4.17 EV above the light of the frame.
+    let (about, said) = estimated(&flat(0.01, [1.0; 3]));
+    let light = f64::from(flat(0.01, [1.0; 3]).dn[0] - 64) / (about.white_dn - about.black_dn);
+    assert!((light - 0.18).abs() < 0.002, "{light}");
+    assert!(!said.iter().any(|line| line.contains("automatic exposure")), "{said:?}");
+    // Numbers of few bits have too few steps, which is said.
+    let mut frame = flat(0.0, [1.0; 3]);
+    frame.info.white_level_dn = Some(80.0);
+    frame.dn.iter_mut().for_each(|dn| *dn = 64);
+    let (about, said) = estimated(&frame);
+    assert!((about.white_dn - about.black_dn - LEAST_RANGE_DN).abs() < 1e-9, "{about:?}");
+    assert!(said.iter().any(|line| line.contains("by 3.0 EV, the most that its 16 DN")), "{said:?}");
+}
+
 #[test]
 fn white_of_a_calibration_below_the_black_level_is_named_with_both() {
     let (frame, calibration) = (frame(), FrameCalibration::from_toml("white_dn = 50.0\n").unwrap());
