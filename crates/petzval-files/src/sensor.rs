@@ -104,6 +104,24 @@ mod tests {
     }
 
     #[test]
+    fn efficiencies_are_relative_to_green_in_whatever_unit_they_are_stated() {
+        let with = |qe: &str| parse_sensor(&FITTED.replace("[0.82, 1.0, 1.25]", qe));
+        for (stated, wanted) in [
+            ("[0.82, 1.0, 1.25]", [0.82, 1.0, 1.25]),
+            ("[0.4, 0.5, 0.45]", [0.8, 1.0, 0.9]),
+            ("[80, 100, 90]", [0.8, 1.0, 0.9]),
+        ] {
+            let sensor = with(stated).unwrap();
+            assert_eq!(sensor.relative_qe, wanted, "{stated}");
+            assert_eq!(parse_sensor(&toml::to_string(&sensor).unwrap()).unwrap(), sensor);
+        }
+        for impossible in ["[0.4, 0.0, 0.4]", "[0.4, -0.5, 0.4]", "[1.0, nan, 1.0]", "[0.0001, 1.0, 1.0]"] {
+            let error = with(impossible).unwrap_err();
+            assert_eq!(error.key, "relative_qe", "{impossible}: {error}");
+        }
+    }
+
+    #[test]
     fn errors_carry_line_key_value_and_hint() {
         let error = |from: &str, to: &str| parse_sensor(&FITTED.replace(from, to)).unwrap_err();
         let line = |key: &str| FITTED.lines().position(|l| l.starts_with(key)).map(|i| i as u32 + 1);

@@ -1,7 +1,7 @@
 //! The numbers of a sensor, as in its data sheet.
 
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::cfa::{CfaPattern, Colour};
 use super::error::{OutOfRange, SensorError};
@@ -54,6 +54,7 @@ pub struct SensorModel {
     /// Standard deviation of the electronics noise sigma_el, DN.
     pub electronics_noise_dn: f64,
     /// Quantum efficiency of red, green, blue relative to green.
+    #[serde(deserialize_with = "relative_to_green")]
     pub relative_qe: [f64; CHANNELS],
     /// Colour filter array.
     pub cfa: CfaPattern,
@@ -72,6 +73,18 @@ pub struct SensorModel {
     /// Quantum efficiency over the spectrum, if it is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub quantum_efficiency: Option<QuantumEfficiency>,
+}
+
+/// Least and largest relative efficiency.
+const RELATIVE_QE: [f64; 2] = [1e-3, 1e3];
+
+/// Reads efficiencies in any unit and divides them by that of green. An impossible green divides nothing, so that
+/// [`SensorModel::validate`] can name it.
+fn relative_to_green<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; CHANNELS], D::Error> {
+    let efficiencies = <[f64; CHANNELS]>::deserialize(from)?;
+    let [_, green, _] = efficiencies;
+    let [low, high] = RELATIVE_QE;
+    Ok(if (low..=high).contains(&green) { efficiencies.map(|value| value / green) } else { efficiencies })
 }
 
 fn even_response() -> [f64; CHANNELS] {
@@ -113,6 +126,7 @@ impl SensorModel {
     /// Checks that every number is finite and in its physical range.
     pub fn validate(&self) -> Result<(), OutOfRange> {
         let [red, green, blue] = self.relative_qe;
+        let [least, most] = RELATIVE_QE;
         let max = self.max_dn();
         let checks = [
             ("height", self.height as f64, 2.0, 65536.0, "the number of rows"),
@@ -157,9 +171,9 @@ impl SensorModel {
                 max,
                 "the spread of the electronics noise in DN",
             ),
-            ("relative_qe", red, 1e-3, 1e3, "the efficiency of red relative to green"),
-            ("relative_qe", green, 1e-3, 1e3, "the efficiency of green, usually 1"),
-            ("relative_qe", blue, 1e-3, 1e3, "the efficiency of blue relative to green"),
+            ("relative_qe", red, least, most, "the efficiency of red relative to green"),
+            ("relative_qe", green, least, most, "the efficiency of green, usually 1"),
+            ("relative_qe", blue, least, most, "the efficiency of blue relative to green"),
         ];
         let of_clear = "the electrons of a clear pixel per unit of red, green and blue light";
         let clear = self.clear_response.map(|value| ("clear_response", value, 0.0, 1e3, of_clear));
