@@ -51,6 +51,7 @@ mod own_lens;
 mod own_pictures;
 mod panic_place;
 pub mod photos;
+mod pile;
 pub mod pinhole;
 mod pixels;
 pub mod psf;

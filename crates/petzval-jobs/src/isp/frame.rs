@@ -15,13 +15,13 @@ use petzval_files::raw_file::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::pile::pile_up;
 use crate::context::Context;
 use crate::error::{JobError, Result};
 use crate::event::WarningKind;
 use crate::input::SensorInput;
 use crate::named_isp::about_frame;
 use crate::noted::Noted;
+use crate::pile::pile_below;
 use crate::pixels::check_numbers;
 
 /// Largest digital number of white.
@@ -70,9 +70,6 @@ const FINE_NODES: usize = 33;
 
 /// Difference of a smooth curve from straight lines between nodes that is reported.
 const COARSE: f64 = 0.01;
-
-/// Share of the stated white level below which a pile-up contradicts it.
-const LOW_PILE: f64 = 0.995;
 
 /// Ratio of two exposures, given and stated, over one another, from which they contradict each other. Light that flickers and shutters change
 /// exposures by less.
@@ -608,9 +605,7 @@ fn saturated_dn(
     if info.companding.is_some() {
         return stated_dn;
     }
-    let Some(pile) = pile_up(dn, width, cfa).filter(|pile| f64::from(pile.dn) < LOW_PILE * stated_dn) else {
-        return stated_dn;
-    };
+    let Some(pile) = pile_below(dn, width, cfa, stated_dn) else { return stated_dn };
     let have =
         if pile.is_one_number { "have the largest number," } else { "pile up at the largest numbers, from" };
     noted.warning(path.display(), WarningKind::Saturation, format!(

@@ -3,7 +3,6 @@
 pub mod chart;
 pub mod develop;
 mod frame;
-mod pile;
 pub mod show;
 pub mod tune;
 

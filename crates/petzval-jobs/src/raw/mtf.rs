@@ -20,6 +20,7 @@ use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, Result, json, make_folder, write_file};
 use crate::event::WarningKind;
+use crate::pile::{Pile, pile_below};
 use crate::pixels::{check_numbers, check_picture};
 use crate::range::check_ranges;
 use crate::results::{check_folder, what_is};
@@ -110,10 +111,14 @@ struct Frame {
     pixel_um: Option<f64>,
     /// Least and largest value that a pixel can have, where they are known: at these light may be cut off.
     ends: [Option<f64>; 2],
+    /// The ends in words.
+    end_names: [String; 2],
 }
 
-/// The ends in words, and the share of pixels at one of them from which there is a warning.
+/// The ends in words, where they are stated.
 const ENDS: [&str; 2] = ["the least value", "the white level"];
+
+/// Share of pixels at an end from which there is a warning.
 const CLIPPED_SHARE: f64 = 0.005;
 
 /// Change of the light across a region that is said, of its level.
@@ -235,6 +240,7 @@ fn frame_of_picture(request: &Request, light: &LinearImage, is_linear: bool) -> 
         pixel_um: request.pixel_um,
         // Whole numbers of a picture end at black and white; floats have no end.
         ends: if is_linear { [None; 2] } else { [Some(0.0), Some(1.0)] },
+        end_names: ENDS.map(str::to_owned),
     })
 }
 
@@ -248,7 +254,8 @@ fn frame_of_raw(request: &Request, raw: &RawFrame, name: &str, context: &Context
     // An unknown black level moves the levels and leaves the response.
     let black = raw.info.black_level_dn.unwrap_or(0.0);
     let tile = raw.info.black_tile_dn.iter().flatten().copied();
-    let least_black = tile.fold(black, f64::min);
+    let (least_black, most_black) =
+        tile.fold((black, black), |(least, most), level| (least.min(level), most.max(level)));
     let black_at = |i: usize| raw.info.black_at_dn(i / raw.width, i % raw.width).unwrap_or(0.0);
     let values: Vec<f32> =
         raw.dn.iter().enumerate().map(|(i, dn)| (f64::from(*dn) - black_at(i)) as f32).collect();
@@ -263,14 +270,29 @@ fn frame_of_raw(request: &Request, raw: &RawFrame, name: &str, context: &Context
         (Some(white), Some(converter)) => Some(white.min(converter)),
         (white, converter) => white.or(converter),
     };
+    let pile = pile_of(raw, cfa, white);
+    let white_name = pile
+        .map_or_else(|| ENDS[1].to_owned(), |pile| format!("the largest numbers, from {} DN on", pile.dn));
+    let white = pile.map(|pile| f64::from(pile.dn)).or(white);
     Ok(Frame {
         height: raw.height,
         width: raw.width,
         channels,
         light: Light::Raw,
         pixel_um: request.pixel_um.or(raw.info.pixel_um),
-        ends: [Some(-least_black), white.map(|white| white - black)],
+        // Light that is cut off has one number before the black levels of the tile are subtracted.
+        ends: [Some(-least_black), white.map(|white| white - most_black)],
+        end_names: [ENDS[0].to_owned(), white_name],
     })
+}
+
+/// The pixels that pile up below the white level, DN, as `isp develop` finds them: it is unknown or wrong.
+fn pile_of(raw: &RawFrame, cfa: CfaPattern, white_dn: Option<f64>) -> Option<Pile> {
+    if raw.info.companding.is_some() {
+        return None;
+    }
+    let dn: Vec<u32> = raw.dn.iter().map(|dn| u32::from(*dn)).collect();
+    pile_below(&dn, raw.width, cfa, white_dn.unwrap_or(f64::INFINITY))
 }
 
 /// The frame to make and measure in place of one whose colours repeat after more than 2 pixels.
@@ -389,7 +411,9 @@ fn warn(edges: &[Edge], frame: &Frame, context: &Context) {
                 let places = channel.planes.len() as f64 / (channel.pitch * channel.pitch) as f64;
                 let pixels = (edge.region.height * edge.region.width) as f64 * places;
                 let left_out = mtf.left_out as f64 / pixels;
-                for (share, end) in channel.shares_at(&edge.region, frame.ends).into_iter().zip(ENDS) {
+                for (share, end) in
+                    channel.shares_at(&edge.region, frame.ends).into_iter().zip(&frame.end_names)
+                {
                     if share - left_out > CLIPPED_SHARE {
                         context.warning(WarningKind::Edge, format!(
                             "{of}: {:.1} % of the pixels are at {end}: if light was cut off there, the response is wrong",
@@ -463,5 +487,64 @@ fn panel<'a>(edge: &'a Edge, frame: &Frame) -> EdgePanel<'a> {
         region: edge.region,
         channels: edge.channels.iter().collect(),
         picture: channel.and_then(|channel| RegionPicture::of(channel, &edge.region)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use petzval_files::raw_file::RawInfo;
+
+    use super::*;
+    use crate::event::Lines;
+
+    const SIDE: usize = 90;
+
+    /// A frame with an edge at 7 degrees from 3000 to 40,000 DN and noise of 400 DN, whose light is cut off at a number.
+    fn edge(cut_dn: f64, white_level_dn: Option<f64>) -> RawFrame {
+        let mut state = 3_u64;
+        let mut uniform = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        let mut normal = || (0..12).map(|_| uniform()).sum::<f64>() - 6.0;
+        let (sin, cos) = 7_f64.to_radians().sin_cos();
+        let mut dn = |i: usize| {
+            let distance = ((i % SIDE) as f64 - 44.5) * cos + ((i / SIDE) as f64 - 44.5) * sin;
+            let light = 3000.0 + 37_000.0 / (1.0 + (-distance / 0.4).exp());
+            (light + 400.0 * normal()).min(cut_dn).round() as u16
+        };
+        let info = RawInfo {
+            bits: Some(16),
+            cfa: Some(CfaPattern::MONO),
+            black_level_dn: Some(200.0),
+            white_level_dn,
+            ..RawInfo::default()
+        };
+        RawFrame { height: SIDE, width: SIDE, dn: (0..SIDE * SIDE).map(&mut dn).collect(), info }
+    }
+
+    /// What is said of a frame.
+    fn said(frame: &RawFrame) -> String {
+        let lines = Arc::new(Lines::default());
+        let context = Context::new(crate::built_in_assets(), lines.clone());
+        let region = Region { row: 0, col: 0, height: SIDE, width: SIDE };
+        let request = Request { regions: vec![region], ..Request::default() };
+        edges(&request, "edge", Pixels::Raw(frame), &context).unwrap();
+        let said = lines.0.lock().unwrap().join("\n");
+        said
+    }
+
+    #[test]
+    fn light_that_is_cut_off_below_the_white_level_is_said() {
+        assert_eq!(said(&edge(65_535.0, None)), "");
+        let stated = said(&edge(40_200.0, Some(40_200.0)));
+        assert!(stated.contains("% of the pixels are at the white level"), "{stated}");
+        for white_level_dn in [None, Some(60_000.0)] {
+            let found = said(&edge(40_200.0, white_level_dn));
+            let wanted = "% of the pixels are at the largest numbers, from 40200 DN on: if light was cut off";
+            assert!(found.contains(wanted), "{white_level_dn:?}: {found}");
+        }
     }
 }

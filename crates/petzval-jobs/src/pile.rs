@@ -45,6 +45,9 @@ const EVEN_NOISE: f64 = 2.0;
 /// Noise of a pile over the shot noise that lower levels let expect, below which it has none.
 const NO_SHOT_NOISE: f64 = 0.5;
 
+/// Share of a white level below which a pile contradicts it.
+const LOW_PILE: f64 = 0.995;
+
 /// A pile at the largest numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pile {
@@ -56,9 +59,14 @@ pub struct Pile {
     pub is_one_number: bool,
 }
 
+/// The pile of pixels at the largest numbers of a linear mosaic, where it lies below the white level and contradicts it. `None` otherwise.
+pub fn pile_below(dn: &[u32], width: usize, cfa: CfaPattern, white_dn: f64) -> Option<Pile> {
+    pile_up(dn, width, cfa).filter(|pile| f64::from(pile.dn) < LOW_PILE * white_dn)
+}
+
 /// The pile of pixels at the largest numbers of a mosaic. `None` if they are few, or no more than at other numbers. `None` as well if the
 /// frame has no noise: then equal numbers are equal light.
-pub fn pile_up(dn: &[u32], width: usize, cfa: CfaPattern) -> Option<Pile> {
+fn pile_up(dn: &[u32], width: usize, cfa: CfaPattern) -> Option<Pile> {
     let largest = *dn.iter().max()?;
     if !is_noisy(dn, width, cfa, largest) {
         return None;
