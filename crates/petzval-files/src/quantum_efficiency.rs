@@ -25,10 +25,11 @@ pub fn parse_quantum_efficiency(text: &str) -> Result<QuantumEfficiency, FileErr
 }
 
 /// Reads and checks comma-separated values: a head line `wavelength_nm,red,green,blue`, `wavelength_nm,clear` or any of
-/// these columns, then one line per wavelength, in nm, with efficiencies in electrons per photon.
+/// these columns, then one line per wavelength with efficiencies in electrons per photon. Wavelengths are in nm, or in um below
+/// `wavelength_um`.
 fn from_csv(text: &str) -> Result<QuantumEfficiency, FileError> {
-    const HINT: &str = "give a head line such as `wavelength_nm,red,green,blue` or `wavelength_nm,clear`, then wavelengths in nm, \
-                        ascending, with efficiencies of 0 to 1";
+    const HINT: &str = "give a head line such as `wavelength_nm,red,green,blue` or `wavelength_nm,clear`, or with `wavelength_um`, then \
+                        wavelengths in this unit, ascending, with efficiencies of 0 to 1";
     let table = SpectrumTable::parse(text)?;
     let is_said = |line: &&(u32, &str)| !line.1.is_empty() && !line.1.starts_with('#');
     let lines: Vec<(u32, &str)> = (1..).zip(text.lines().map(str::trim)).collect();
@@ -63,8 +64,8 @@ fn from_csv(text: &str) -> Result<QuantumEfficiency, FileError> {
         }
         let mut efficiencies = cells.iter().skip(1).filter_map(|cell| cell.parse::<f64>().ok());
         if let Some(value) = efficiencies.find(|v| !(0.0..=1.0).contains(v)) {
-            let message =
-                format!("{value} is not an efficiency of 0 to 1 electrons per photon; is it in percent?");
+            let doubt = if value > 1.0 { "; is it in percent?" } else { "" };
+            let message = format!("{value} is not an efficiency of 0 to 1 electrons per photon{doubt}");
             return wrong((number, line), message);
         }
     }
@@ -91,6 +92,8 @@ mod tests {
         let read = parse_quantum_efficiency(table).unwrap();
         assert_eq!(read, parse_quantum_efficiency(toml).unwrap());
         assert_eq!(read.curve(Colour::Clear), None);
+        let in_um = "wavelength_um,red,green\n0.4,0.1,0\n0.55,0.2,0.6\n0.7,0.5,0.1\n";
+        assert_eq!(parse_quantum_efficiency(in_um).unwrap(), read);
         let clear = parse_quantum_efficiency("wavelength_nm,clear\n400,0.3\n700,0.2\n").unwrap();
         assert!((clear.curve(Colour::Clear).unwrap().at(0.55) - 0.25).abs() < 1e-12);
     }
@@ -103,13 +106,24 @@ mod tests {
             ("wavelength_nm,clear\n400,0.3\n550,70\n700,20\n", 3, "percent"),
             ("wavelength_nm,red,green\n400,0.3,0\n\n550,,0.1\n700,0.2,0\n", 4, "`red` has no value"),
             ("wavelength_nm,clear\n400,0.3\n350,0.2\n", 3, "ascend"),
-            ("wavelength_um,clear\n0.4,0.3\n0.7,0.2\n", 2, "within 0.01..100 um"),
+            ("wavelength_um,clear\n400,0.3\n700,0.2\n", 2, "within 0.01..100 um"),
+            ("wavelength_nm,clear\n0.4,0.3\n0.7,0.2\n", 2, "within 0.01..100 um"),
             ("wavelength_nm,clear\n400,0.3\n700,x\n", 3, "`x`"),
             ("", 1, "wavelength_um"),
         ] {
             let error = parse_quantum_efficiency(text).unwrap_err();
             assert_eq!(error.line, Some(line), "{error}");
             assert!(error.to_string().contains(needle) && error.hint.is_some(), "{error}");
+        }
+    }
+
+    #[test]
+    fn efficiencies_below_0_are_not_taken_for_percentages() {
+        for (value, is_percent) in [("-0.6", false), ("60", true)] {
+            let error = parse_quantum_efficiency(&format!("wavelength_nm,clear\n400,0.3\n500,{value}\n"));
+            let error = error.unwrap_err().to_string();
+            assert!(error.contains(&format!("{value} is not an efficiency of 0 to 1")), "{error}");
+            assert_eq!(error.contains("percent"), is_percent, "{error}");
         }
     }
 

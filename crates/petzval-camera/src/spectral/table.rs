@@ -1,4 +1,4 @@
-//! Tables of spectra: the first column holds wavelengths in nm, each other column a named curve.
+//! Tables of spectra: the first column holds wavelengths in nm or um, each other column a named curve.
 
 use petzval_base::FileError;
 
@@ -13,18 +13,18 @@ pub struct SpectrumTable {
 
 impl SpectrumTable {
     /// Reads comma-separated values: a head line of names, then one line per wavelength. The first column holds wavelengths in
-    /// nm. An empty cell means that the curve has no sample there. Lines that begin with `#` are comments.
+    /// nm, or in um if its name ends so, as `wavelength_um` does. An empty cell means that the curve has no sample there. Lines that begin with `#` are comments.
     pub fn parse(text: &str) -> Result<Self, FileError> {
         let numbered = text.lines().enumerate().map(|(i, line)| (i as u32 + 1, line.trim()));
         let mut lines = numbered.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
-        let hint =
-            "give a head line `wavelength_nm,NAME,...` and then lines of numbers, wavelengths ascending";
+        let hint = "give a head line `wavelength_nm,NAME,...`, or `wavelength_um`, and then lines of numbers, wavelengths ascending";
         let (head_line, head) =
             lines.next().ok_or_else(|| FileError::at_line(0, "", "the table is empty").hint(hint))?;
         let names: Vec<&str> = head.split(',').map(str::trim).collect();
         if names.len() < 2 || names[0].parse::<f64>().is_ok() {
             return Err(FileError::at_line(head_line, head, "this is not a head line of a table").hint(hint));
         }
+        let per_um = if is_in_um(names[0]) { 1.0 } else { 1000.0 };
         // Read one wavelength per line, and remember the line of every sample for errors.
         let mut samples: Vec<(Vec<f64>, Vec<f64>)> = vec![Default::default(); names.len() - 1];
         let mut places: Vec<Vec<(u32, &str)>> = vec![Vec::new(); names.len() - 1];
@@ -38,7 +38,7 @@ impl SpectrumTable {
                 let number = cell.parse::<f64>().ok().filter(|v| v.is_finite());
                 number.ok_or_else(|| wrong(format!("`{cell}` is not a finite number")))
             };
-            let um = read(cells[0])? / 1000.0;
+            let um = read(cells[0])? / per_um;
             for ((cell, (at, value)), places) in cells[1..].iter().zip(&mut samples).zip(&mut places) {
                 if !cell.is_empty() {
                     places.push((number, line));
@@ -85,6 +85,12 @@ impl SpectrumTable {
     }
 }
 
+/// Whether the name of a column ends in the word `um`, in brackets or not.
+fn is_in_um(name: &str) -> bool {
+    let mut words = name.rsplit(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty());
+    words.next().is_some_and(|word| matches!(word.to_lowercase().as_str(), "um" | "\u{b5}m" | "\u{3bc}m"))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -95,6 +101,19 @@ mod tests {
         assert_eq!(table.get("A").unwrap().at(0.45), 1.5);
         assert_eq!(table.get("b").unwrap().range_um(), (0.5, 0.6));
         assert!(table.get("c").is_none());
+    }
+
+    #[test]
+    fn the_head_line_states_the_unit_of_wavelengths() {
+        let in_nm = SpectrumTable::parse("nm,a\n400,1\n500,2\n").unwrap();
+        for head in ["um", "wavelength_um", "Wavelength (um)", "wavelength [\u{b5}m]", "\u{3bc}m"] {
+            assert_eq!(SpectrumTable::parse(&format!("{head},a\n0.4,1\n0.5,2\n")).unwrap(), in_nm, "{head}");
+        }
+        for head in ["spectrum", "wavelength", "wavelength_nm"] {
+            assert_eq!(SpectrumTable::parse(&format!("{head},a\n400,1\n500,2\n")).unwrap(), in_nm, "{head}");
+            let error = SpectrumTable::parse(&format!("{head},a\n0.4,1\n0.5,2\n")).unwrap_err();
+            assert!(error.hint.as_deref().unwrap().contains("or `wavelength_um`"), "{error}");
+        }
     }
 
     #[test]

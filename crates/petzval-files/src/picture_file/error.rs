@@ -132,5 +132,10 @@ pub(crate) fn undecoded(error: &::image::ImageError) -> String {
     if let ::image::ImageError::Decoding(wrong) = error {
         return damaged(&wrong.source().map_or_else(|| wrong.to_string(), ToString::to_string));
     }
-    error.to_string()
+    let words = error.to_string();
+    if words.contains("photometric interpretation") {
+        return "its samples have a meaning that is not read (PhotometricInterpretation); a raw frame is developed by `isp develop`"
+            .to_owned();
+    }
+    words
 }

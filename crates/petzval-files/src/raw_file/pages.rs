@@ -4,7 +4,7 @@ use std::io::{ErrorKind, Read, Seek, SeekFrom};
 
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::{PhotometricInterpretation, Tag};
-use tiff::{ColorType, TiffError};
+use tiff::{ColorType, TiffError, TiffUnsupportedError};
 
 use super::frame::{AnyFrame, MOST_EXPANSION, MOST_PIXELS, RawFrame, Unreadable, WORK_SPACE};
 use super::info::{MOST_BITS, RawInfo, largest_dn, turning};
@@ -199,6 +199,10 @@ fn reason_of(error: TiffError, bytes: u64) -> Unreadable {
         TiffError::IoError(io) if io.kind() == ErrorKind::UnexpectedEof => {
             cut_off(&format!("the file ends after {bytes} bytes, before the data that its header lists"))
         }
+        TiffError::UnsupportedError(TiffUnsupportedError::UnknownInterpretation) => Unreadable {
+            reason: "its samples have a meaning that is not read (PhotometricInterpretation)".to_owned(),
+            hint: "write a mosaic, which has 32803 there, as a gray TIFF with 1, and `cfa` in its sidecar; name a DNG .dng",
+        },
         other => refused(other.to_string()),
     }
 }

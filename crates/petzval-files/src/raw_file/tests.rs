@@ -169,6 +169,8 @@ fn pictures_that_would_be_converted_are_refused() {
     };
     assert_eq!(says(&tiff_of(1, 16)).unwrap().dn, [119, 120]);
     assert!(says(&tiff_of(0, 16)).unwrap_err().contains("white is zero"));
+    let mosaic = says(&tiff_of(32_803, 16)).unwrap_err();
+    assert!(mosaic.contains("a meaning that is not read (PhotometricInterpretation)"), "{mosaic}");
     for bits in [1, 4] {
         assert!(says(&tiff_of(1, bits)).unwrap_err().contains(&format!("{bits} bits")));
     }
