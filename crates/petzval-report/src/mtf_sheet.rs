@@ -244,6 +244,7 @@ mod tests {
             sagitta_px: 0.4,
             light_fall: Some(0.25),
             left_out: 64,
+            coarse_step: None,
             profile: vec![(-1.0, 0.0), (0.0, 0.5), (1.0, 1.0)],
             path: vec![[40.0, 30.0], [104.0, 36.0]],
             frequency_per_px: vec![0.0, 0.25, 0.5, 1.0],

@@ -401,7 +401,7 @@ fn none_found(name: &str, channel: Option<&Channel>) -> JobError {
     }
 }
 
-/// Warns of effects on the figures of an edge: clipped pixels, light that was divided out, and pixels that were left out.
+/// Warns of effects on the figures of an edge: clipped pixels, rounding, light that was divided out, and pixels that were left out.
 fn warn(edges: &[Edge], frame: &Frame, context: &Context) {
     for edge in edges {
         for mtf in &edge.channels {
@@ -427,6 +427,13 @@ fn warn(edges: &[Edge], frame: &Frame, context: &Context) {
                     "{of}: at {:.1} degrees the pixels sample the edge only every {:.2} pixels, so the response above {limit:.2} cycles per pixel is \
                      not determined; incline the edge by about 5 degrees",
                     mtf.angle_deg, mtf.gap_px
+                ));
+            }
+            if let Some(step) = mtf.coarse_step {
+                context.warning(WarningKind::Edge, format!(
+                    "{of}: a side has less noise than a step of its values, {:.1} % of the edge: rounding may move the response by as much, \
+                     beyond the standard errors; give more bits, or a frame with its noise",
+                    100.0 * step
                 ));
             }
             if let Some(fall) = mtf.light_fall.filter(|fall| *fall > SAID_FALL) {

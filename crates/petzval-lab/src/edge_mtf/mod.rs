@@ -69,6 +69,10 @@ pub struct EdgeMtf {
     pub light_fall: Option<f64>,
     /// Pixels that are left out as defects.
     pub left_out: usize,
+    /// Step of the values, of the step of the edge, where a side has less noise than it: rounding is then not in the standard errors. It is for
+    /// a warning, and no part of files.
+    #[serde(skip)]
+    pub coarse_step: Option<f64>,
     /// Frequencies, cycles per pixel.
     pub frequency_per_px: Vec<f64>,
     /// Modulation at these frequencies.
@@ -167,6 +171,7 @@ pub fn edge_mtf(channel: &Channel, region: &Region) -> Result<EdgeMtf, SfrError>
         sagitta_px: pitch * mean(&|r| r.sagitta_px),
         light_fall: responses.iter().filter_map(|r| r.light_fall).max_by(f64::total_cmp),
         left_out: responses.iter().map(|r| r.left_out).sum(),
+        coarse_step: responses.iter().filter_map(|r| r.coarse_step).max_by(f64::total_cmp),
         frequency_per_px: (0..sfr.modulation.len()).map(|k| k as f64 * FREQUENCY_STEP / pitch).collect(),
         modulation: sfr.modulation,
         profile: first.profile.iter().map(|(at, v)| (pitch * at, *v)).collect(),

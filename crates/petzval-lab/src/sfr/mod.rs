@@ -27,6 +27,7 @@ mod plane;
 mod profile;
 mod region;
 mod response;
+mod rounding;
 mod screen;
 mod search;
 mod sides;
@@ -82,6 +83,8 @@ pub struct EdgeResponse {
     pub light_fall: Option<f64>,
     /// Pixels that are left out as defects.
     pub left_out: usize,
+    /// Step of the values, of the step of the edge, where a side has less noise than it: rounding is then not in the standard errors.
+    pub coarse_step: Option<f64>,
     /// The profile from dark, 0, to bright, 1: distance from the edge in pixels, and value.
     pub profile: Vec<(f64, f64)>,
     /// The path of the edge: row and column of the window, in pixels from its upper left corner.
@@ -125,6 +128,7 @@ pub fn slanted_edge(plane: &Plane, window: &Window) -> Result<EdgeResponse, SfrE
         undershoot,
         light_fall: profile.sides.fall,
         left_out: profile.left_out,
+        coarse_step: rounding::coarse_step(&profile),
         profile: profile.points(),
         path,
     })

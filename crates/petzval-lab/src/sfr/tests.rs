@@ -438,6 +438,22 @@ fn a_dark_side_without_noise_is_not_taken_for_a_clipped_one() {
     }
 }
 
+/// Noise of half a step makes rounding a part of the scatter.
+#[test]
+fn rounding_of_an_edge_without_noise_is_noted() {
+    let edge = Edge::at(7.0, 0.6);
+    let coarse_step = |noise: f32, white: f32| {
+        let light = with_noise(&edge.light(), noise, 5);
+        let values: Vec<f32> = light.iter().map(|v| (v * white).round() / white).collect();
+        edge.measured(&values).unwrap().coarse_step
+    };
+    let step = coarse_step(0.0, 255.0).unwrap();
+    assert!((step - 1.0 / 255.0 / 0.6).abs() < 2e-4, "{step}");
+    assert_eq!(coarse_step(0.002, 255.0), None);
+    assert_eq!(coarse_step(0.0, 65_535.0), None);
+    assert_eq!(edge.measured(&edge.light()).unwrap().coarse_step, None);
+}
+
 #[test]
 fn dead_and_hot_pixels_and_columns_do_not_count() {
     let edge = Edge::at(5.0, SIGMA);
