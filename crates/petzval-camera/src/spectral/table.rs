@@ -12,8 +12,9 @@ pub struct SpectrumTable {
 }
 
 impl SpectrumTable {
-    /// Reads comma-separated values: a head line of names, then one line per wavelength. The first column holds wavelengths in
-    /// nm, or in um if its name ends so, as `wavelength_um` does. An empty cell means that the curve has no sample there. Lines that begin with `#` are comments.
+    /// Reads comma-separated values: a head line of names, then one line per wavelength. The first column holds wavelengths in nm, or in um
+    /// if its name ends so, as `wavelength_um` does. An empty cell means that the curve has no sample there. Lines that begin with `#` are
+    /// comments.
     pub fn parse(text: &str) -> Result<Self, FileError> {
         let numbered = text.lines().enumerate().map(|(i, line)| (i as u32 + 1, line.trim()));
         let mut lines = numbered.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
