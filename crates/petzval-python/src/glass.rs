@@ -54,7 +54,7 @@ impl PyGlass {
         let glass = &self.0;
         let wrong = um.iter().find(|um| **um <= 0.0 || glass.is_outside_range(**um));
         let Some(wrong) = wrong else { return Ok(um) };
-        let [least, most] = glass.range_um.unwrap_or([0.0, f64::INFINITY]);
+        let [least, most] = glass.known_range_um().unwrap_or([0.0, f64::INFINITY]);
         let message = format!("the formula of {} does not hold there", glass.name);
         let hint = format!("in um, {least} to {most}; 550 nm is 0.55");
         Err(refusal(py, "wavelengths_um", wrong, message, hint))

@@ -1,6 +1,6 @@
 //! What a designer should know of the glasses of a lens before believing its figures.
 
-use petzval_optics::glass::{Catalog, Glass};
+use petzval_optics::glass::{Catalog, Dispersion, Glass};
 use petzval_optics::lens::Lens;
 
 /// Warnings about the glasses of a lens whose names were looked up in a catalogue, one line each. A warning names a wavelength outside the
@@ -19,8 +19,9 @@ pub fn glass_warnings(lens: &Lens, catalog: &Catalog) -> Vec<String> {
 fn outside_range(glass: &Glass, lens: &Lens) -> Option<String> {
     let mut used = lens.wavelengths_um.iter().chain([&lens.reference_um]);
     let um = used.find(|um| glass.is_outside_range(**um))?;
-    let [min, max] = glass.range_um?;
-    Some(format!("the formula of {} holds from {min} to {max} um, not at {um} um", glass.name))
+    let [min, max] = glass.known_range_um()?;
+    let what = if matches!(glass.dispersion, Dispersion::Table { .. }) { "table" } else { "formula" };
+    Some(format!("the {what} of {} holds from {min} to {max} um, not at {um} um", glass.name))
 }
 
 fn shared_name(glass: &Glass, catalog: &Catalog) -> Option<String> {

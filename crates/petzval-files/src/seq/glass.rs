@@ -8,7 +8,7 @@ use crate::decimal::{shifted, shown};
 use crate::draft::{MOST_VALUES, Record};
 use crate::old_glass::unknown_glass;
 use petzval_base::FileError;
-use petzval_optics::glass::{Catalog, Dispersion, Glass};
+use petzval_optics::glass::{Catalog, Dispersion, Glass, ThroughIndices};
 
 /// Largest number of private glasses in a file.
 const MOST_GLASSES: usize = 1000;
@@ -22,7 +22,15 @@ pub(super) struct PrivateGlasses {
     /// Wavelengths of the indices that follow, um.
     wavelengths_um: Vec<f64>,
     /// Glasses by upper-case name. An unknown formula is an error only if its glass is used.
-    glasses: BTreeMap<String, Result<Arc<Glass>, FileError>>,
+    glasses: BTreeMap<String, Result<Private, FileError>>,
+}
+
+/// A private glass.
+#[derive(Clone, Debug)]
+struct Private {
+    glass: Arc<Glass>,
+    /// How the index between the stated ones is read.
+    remark: Option<String>,
 }
 
 impl PrivateGlasses {
@@ -39,14 +47,12 @@ impl PrivateGlasses {
         if self.glasses.len() >= MOST_GLASSES {
             return Err(command.error(format!("more than {MOST_GLASSES} private glasses are not read")));
         }
-        let glass =
-            self.dispersion(command).map(|dispersion| Arc::new(Glass::new(&command.full, dispersion)));
-        self.glasses.insert(command.full.clone(), glass);
+        self.glasses.insert(command.full.clone(), self.glass(command));
         Ok(())
     }
 
-    /// The dispersion of a private glass: Laurent's series (Schott's formula), or an index at each wavelength of the catalogue.
-    fn dispersion(&self, command: &Command) -> Result<Dispersion, FileError> {
+    /// A private glass: Laurent's series (Schott's formula), or an index at each wavelength of the catalogue.
+    fn glass(&self, command: &Command) -> Result<Private, FileError> {
         let kind = command.word(0).unwrap_or("").to_uppercase();
         if kind == "LAU" {
             let mut a = [0.0; 6];
@@ -56,7 +62,10 @@ impl PrivateGlasses {
                 }
             }
             return match command.words.len() {
-                2..=7 => Ok(Dispersion::Schott(a)),
+                2..=7 => {
+                    let glass = Arc::new(Glass::new(&command.full, Dispersion::Schott(a)));
+                    Ok(Private { glass, remark: None })
+                }
                 _ => Err(command.error("Laurent's series has one to six coefficients")),
             };
         }
@@ -73,23 +82,20 @@ impl PrivateGlasses {
         if index.iter().any(|n| *n < 1.0) {
             return Err(command.error("an index is a number from 1"));
         }
-        if index.windows(2).all(|n| n[0] == n[1]) {
-            return Ok(Dispersion::Constant(index[0]));
-        }
         let mut pairs: Vec<(f64, f64)> = self.wavelengths_um.iter().copied().zip(index).collect();
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
         if pairs.windows(2).any(|w| w[0].0 >= w[1].0) {
             return Err(command.error("PWL names a wavelength twice"));
         }
         let (wavelength_um, index) = pairs.into_iter().unzip();
-        Ok(Dispersion::Table { wavelength_um, index })
+        Ok(by_indices(&command.full, wavelength_um, index))
     }
 
     /// The glass that a word names.
     pub fn medium(&self, word: &Word, catalog: &Catalog, record: &Record) -> Result<Arc<Glass>, FileError> {
         let upper = word.text.to_uppercase();
-        if let Some(glass) = self.glasses.get(&upper) {
-            return glass.clone();
+        if let Some(private) = self.glasses.get(&upper) {
+            return private.clone().map(|private| private.glass);
         }
         if upper == "AIR" {
             return Ok(Glass::air());
@@ -111,6 +117,48 @@ impl PrivateGlasses {
         }
         by_name(&word.text, catalog, record)
     }
+
+    /// The note to print with the glass that a word names.
+    pub fn remark(&self, word: &Word) -> Option<String> {
+        self.glasses.get(&word.text.to_uppercase())?.as_ref().ok()?.remark.clone()
+    }
+}
+
+/// A glass of which the file gives the index at some wavelengths, um, ascending: a formula through three or more of them, see [`ThroughIndices`].
+/// The program of the file has a formula of its own.
+fn by_indices(name: &str, wavelength_um: Vec<f64>, index: Vec<f64>) -> Private {
+    let count = index.len();
+    let range_um = match wavelength_um[..] {
+        [first, .., last] => Some([first, last]),
+        _ => None,
+    };
+    let (dispersion, remark) = if index.windows(2).all(|n| n[0] == n[1]) {
+        let n = index.first().copied().unwrap_or(1.0);
+        (
+            Dispersion::Constant(n),
+            format!("the private glass {name} has the index {} at every wavelength", shown(n)),
+        )
+    } else if let Some(fit) = ThroughIndices::new(&wavelength_um, &index) {
+        let ThroughIndices { dispersion, terms, residual } = fit;
+        let misses = if terms < count {
+            format!(", which is off by up to {residual:.1e} at its {count} wavelengths")
+        } else {
+            format!(" through its {count} indices")
+        };
+        let formula = format!("a formula of Schott's with {terms} terms{misses}");
+        (
+            dispersion,
+            format!("the private glass {name} is read as {formula}; the program has a formula of its own"),
+        )
+    } else {
+        let why = if count < 3 { "three determine a formula" } else { "their indices do not fall smoothly" };
+        let remark = format!(
+            "the index of the private glass {name} is linear between its {count} wavelengths and constant beyond them: {why}"
+        );
+        (Dispersion::Table { wavelength_um, index }, remark)
+    };
+    let glass = Arc::new(Glass { range_um, ..Glass::new(name, dispersion) });
+    Private { glass, remark: Some(remark) }
 }
 
 /// Index and Abbe number of a fictitious glass: `1.5168:64.17`; the code `517642`, which means 1.517 and 64.2; or
@@ -197,6 +245,28 @@ mod tests {
         for none in ["NBK7", "1.5", "12", "5176420", "1.5:x", "e"] {
             assert_eq!(fictitious(none), None, "{none}");
         }
+    }
+
+    #[test]
+    fn indices_become_a_formula_where_they_determine_one() {
+        let private = |um: &[f64], index: &[f64]| by_indices("MELT", um.to_vec(), index.to_vec());
+        let lines = [0.4861327, 0.5875618, 0.6562725];
+        let three = private(&lines, &[1.522376, 1.516800, 1.514322]);
+        for (um, n) in lines.iter().zip([1.522376, 1.516800, 1.514322]) {
+            assert!((three.glass.index(*um) - n).abs() < 1e-12, "{um}");
+        }
+        // Sellmeier's formula of N-BK7 gives the index at e, and that at g beyond the last line.
+        assert!((three.glass.index(0.546074) - 1.518721).abs() < 3e-5);
+        assert!((three.glass.index(0.4358343) - 1.526685).abs() < 3e-4);
+        assert!(three.glass.is_outside_range(0.4358343) && !three.glass.is_outside_range(0.546074));
+        assert!(three.remark.unwrap().contains("MELT is read as a formula of Schott's with 3 terms"));
+        let said = |um: &[f64], index: &[f64]| private(um, index).remark.unwrap();
+        assert!(said(&lines[..2], &[1.52, 1.51]).contains("three determine a formula"));
+        assert!(said(&lines, &[1.52, 1.53, 1.51]).contains("do not fall smoothly"));
+        assert!(said(&lines[..1], &[1.52]).contains("has the index 1.52 at every wavelength"));
+        let many: Vec<f64> = (0..9).map(|i| 0.45 + 0.03 * f64::from(i)).collect();
+        let off: Vec<f64> = many.iter().map(|um| 1.5 + 0.005 / (um * um - 0.01)).collect();
+        assert!(said(&many, &off).contains("with 6 terms, which is off by up to"));
     }
 
     #[test]

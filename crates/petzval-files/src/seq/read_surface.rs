@@ -106,7 +106,7 @@ pub(super) struct Made {
     pub along_mm: f64,
     /// The break of the axis behind it.
     pub behind: Option<Break>,
-    /// The note to print if a substitute for the glass of the file was taken.
+    /// The note to print if the glass is not exactly that of the file.
     pub substituted: Option<String>,
     /// Whether it is a plane without edge, placement and change of medium, so that only its break matters.
     pub does_nothing: bool,
@@ -398,6 +398,7 @@ impl RawSurface {
             Some((word, record)) => match private.medium(word, catalog, record) {
                 Ok(glass) => {
                     let has_abbe_number = matches!(glass.dispersion, Dispersion::NdVd { .. });
+                    substituted = private.remark(word);
                     if has_abbe_number && fictitious(&word.text).is_some() {
                         substituted = Some(BY_CAUCHY.to_owned());
                     }

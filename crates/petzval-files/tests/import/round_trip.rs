@@ -202,10 +202,20 @@ fn writing_and_reading_keeps_glasses_and_near_objects() {
     assert!(error.contains("`surface 1`: the glass OWN is not in the catalogue"), "{error}");
     let export = write_seq(&file(lens.clone()), &catalog).unwrap();
     assert_eq!(parse_seq(&export.text, &catalog).unwrap().file.lens.surfaces[0].glass.dispersion, schott);
-    let table = Dispersion::Table { wavelength_um: vec![0.4, 0.55, 0.7], index: vec![1.55, 1.52, 1.51] };
+    // A table of two wavelengths stays one; more of them come back as a formula that gives the same indices.
+    let table = Dispersion::Table { wavelength_um: vec![0.4, 0.7], index: vec![1.55, 1.51] };
     lens.surfaces[0].glass = glass("OWN", table.clone());
     let export = write_seq(&file(lens.clone()), &catalog).unwrap();
     assert_eq!(parse_seq(&export.text, &catalog).unwrap().file.lens.surfaces[0].glass.dispersion, table);
+    let (wavelength_um, index) = (vec![0.4, 0.55, 0.7], vec![1.55, 1.52, 1.51]);
+    let table = Dispersion::Table { wavelength_um: wavelength_um.clone(), index: index.clone() };
+    lens.surfaces[0].glass = glass("OWN", table);
+    let export = write_seq(&file(lens.clone()), &catalog).unwrap();
+    let read = parse_seq(&export.text, &catalog).unwrap().file.lens.surfaces[0].glass.clone();
+    assert_eq!(read.range_um, Some([0.4, 0.7]));
+    for (um, n) in wavelength_um.iter().zip(&index) {
+        assert!((read.index(*um) - n).abs() < 1e-12, "{um}: {}", read.index(*um));
+    }
     lens.surfaces[0].glass =
         glass("OWN", Dispersion::Sellmeier { b: vec![1.0, 0.2, 1.0], c_um2: vec![0.006, 0.02, 100.0] });
     assert!(write_seq(&file(lens), &catalog).is_err());

@@ -91,6 +91,15 @@ fn glasses_by_name_code_formula_and_table() {
     assert!((glass("'GLUE'").unwrap().nd() - 1.56).abs() < 1e-3);
     let table = Dispersion::Table { wavelength_um: vec![0.4861, 0.6563], index: vec![1.51, 1.5] };
     assert_eq!(glass("tab").unwrap().dispersion, table);
+    // How the index is read between and beyond the stated ones is said.
+    let private_said =
+        |name: &str| losses(&seq(&changed(&changed(SEQ, "NBK7_SCHOTT", name), "SO", private))).join("; ");
+    assert!(
+        private_said("tab").contains("glass TAB is linear between its 2 wavelengths"),
+        "{}",
+        private_said("tab")
+    );
+    assert_eq!(private_said("'GLUE'"), "");
     assert_eq!(glass("FLAT").unwrap().dispersion, Dispersion::Constant(1.5));
     // An unknown formula is an error only if its glass is used.
     let error = glass("ODD").unwrap_err().to_string();

@@ -64,7 +64,7 @@ impl Listed {
             printed_nd: glass.printed_nd.map(|p| p.value),
             printed_vd: glass.printed_vd.map(|p| p.value),
             agrees_with_print: agrees_with_print(glass),
-            range_um: glass.range_um,
+            range_um: glass.known_range_um(),
         }
     }
 }

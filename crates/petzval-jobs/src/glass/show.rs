@@ -190,7 +190,7 @@ fn figures(glass: &Glass, air: Option<Air>, others_of_this_name: Vec<String>) ->
         p_gf_anomaly: p_gf.map(|p_gf| p_gf - on_normal_line),
         printed_nd: glass.printed_nd.map(|printed| printed.value),
         printed_vd: glass.printed_vd.map(|printed| printed.value),
-        range_um: glass.range_um,
+        range_um: glass.known_range_um(),
         density_g_cm3: glass.density_g_cm3,
         relative_cost: glass.relative_cost,
         expansion: (glass.expansion.iter())

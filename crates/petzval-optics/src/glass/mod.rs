@@ -6,6 +6,7 @@ mod lines;
 mod nearest;
 mod printed;
 mod thermal;
+mod through;
 mod transmission;
 
 pub use catalog::{Catalog, UnknownGlass};
@@ -14,6 +15,7 @@ pub use lines::{LINE_C_UM, LINE_D_UM, LINE_F_UM, LINE_G_UM};
 pub use nearest::{Near, map_distance, nearest};
 pub use printed::Printed;
 pub use thermal::{Expansion, Thermal, air_index};
+pub use through::ThroughIndices;
 pub use transmission::Absorption;
 
 use std::fmt;
@@ -154,9 +156,22 @@ impl Glass {
         }
     }
 
-    /// Whether the formula is known not to hold at a wavelength in um.
+    /// Shortest and longest wavelength at which the index is known, um: the stated range, or the ends of a table.
+    pub fn known_range_um(&self) -> Option<[f64; 2]> {
+        self.range_um.or_else(|| match &self.dispersion {
+            Dispersion::Table { wavelength_um, .. } => {
+                Some([*wavelength_um.first()?, *wavelength_um.last()?])
+            }
+            _ => None,
+        })
+    }
+
+    /// Whether the formula is known not to hold at a wavelength in um, or a table does not reach it. Spectral lines are printed to 1e-5 um, by
+    /// which a wavelength may lie beyond an end.
     pub fn is_outside_range(&self, wavelength_um: f64) -> bool {
-        self.range_um.is_some_and(|[min, max]| !(min..=max).contains(&wavelength_um))
+        const PRINTED_UM: f64 = 1e-5;
+        let is_inside = |[min, max]: [f64; 2]| (min - PRINTED_UM..=max + PRINTED_UM).contains(&wavelength_um);
+        self.known_range_um().is_some_and(|range| !is_inside(range))
     }
 
     /// Index at the d line.
@@ -219,4 +234,21 @@ pub struct Misprint {
     pub formula: f64,
     /// Its printed value.
     pub printed: Printed,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_holds_between_its_ends_unless_a_range_is_stated() {
+        let table = Dispersion::Table { wavelength_um: vec![0.48613, 0.65627], index: vec![1.52, 1.51] };
+        let mut glass = Glass::new("MEASURED", table);
+        assert_eq!(glass.known_range_um(), Some([0.48613, 0.65627]));
+        let outside = [0.4358343, LINE_F_UM, 0.55, LINE_C_UM, 0.7].map(|um| glass.is_outside_range(um));
+        assert_eq!(outside, [true, false, false, false, true]);
+        glass.range_um = Some([0.4, 0.7]);
+        assert!(!glass.is_outside_range(0.4358343));
+        assert_eq!(Glass::new("FLAT", Dispersion::Constant(1.5)).known_range_um(), None);
+    }
 }

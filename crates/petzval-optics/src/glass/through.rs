@@ -1,0 +1,116 @@
+//! A dispersion formula through measured indices.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::Dispersion;
+
+/// The terms of Schott's formula, each with its power of the wavelength and its place among the coefficients. The first three are those of the
+/// visible; each further point determines the next one.
+const TERMS: [(i32, usize); 6] = [(0, 0), (-2, 2), (-4, 3), (2, 1), (-6, 4), (-8, 5)];
+
+/// The least number of indices that determine a formula.
+const FEWEST: usize = 3;
+
+/// Schott's formula through measured indices.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ThroughIndices {
+    /// The formula.
+    pub dispersion: Dispersion,
+    /// The number of its terms, 3 to 6. If there are as many indices, it gives each of them.
+    pub terms: usize,
+    /// The largest difference between a measured index and that of the formula.
+    pub residual: f64,
+}
+
+impl ThroughIndices {
+    /// The formula `n^2 = a_0 + a_2 w^-2 + a_3 w^-4 + a_1 w^2 + a_4 w^-6 + a_5 w^-8` through indices n at wavelengths w, um, ascending. It has as
+    /// many of these terms, in this order, as there are indices; of more than six indices it is the least-squares fit in n^2. Terms are left out
+    /// from the last until the index is at least 1 and falls with the wavelength over the whole range, as that of a transparent medium does.
+    ///
+    /// Through N-BK7 at the lines C, d and F it is right to 2e-5 between them, and to 1.7e-4 at the g line beyond.
+    ///
+    /// `None` for fewer than three indices, lists of different lengths, wavelengths that do not ascend from above 0, and where no number of terms
+    /// gives such an index.
+    pub fn new(wavelength_um: &[f64], index: &[f64]) -> Option<Self> {
+        let ascends =
+            wavelength_um.windows(2).all(|w| w[0] < w[1]) && wavelength_um.first().is_some_and(|w| *w > 0.0);
+        if index.len() < FEWEST || index.len() != wavelength_um.len() || !ascends {
+            return None;
+        }
+        let most = index.len().min(TERMS.len());
+        (FEWEST..=most).rev().find_map(|terms| Self::with_terms(wavelength_um, index, terms))
+    }
+
+    fn with_terms(wavelength_um: &[f64], index: &[f64], terms: usize) -> Option<Self> {
+        let ends_um = [*wavelength_um.first()?, *wavelength_um.last()?];
+        // Wavelengths in units of the middle one keep the powers of similar size.
+        let middle_um = (ends_um[0] * ends_um[1]).sqrt();
+        let matrix = DMatrix::from_fn(index.len(), terms, |row, term| {
+            (wavelength_um[row] / middle_um).powi(TERMS[term].0)
+        });
+        let qr = matrix.qr();
+        let mut turned = DVector::from_iterator(index.len(), index.iter().map(|n| n * n));
+        qr.q_tr_mul(&mut turned);
+        let found = qr.r().solve_upper_triangular(&turned.rows(0, terms).into_owned())?;
+        let mut a = [0.0; 6];
+        for ((power, place), value) in TERMS.into_iter().zip(found.iter()) {
+            a[place] = value / middle_um.powi(power);
+        }
+        let dispersion = Dispersion::Schott(a);
+        let misses = wavelength_um.iter().zip(index).map(|(um, n)| (dispersion.index(*um) - n).abs());
+        let residual = misses.fold(0.0, f64::max);
+        falls(&dispersion, ends_um).then_some(Self { dispersion, terms, residual })
+    }
+}
+
+/// Whether the index falls with the wavelength between two of them, and stays at least 1.
+fn falls(dispersion: &Dispersion, [from_um, to_um]: [f64; 2]) -> bool {
+    const STEPS: usize = 256;
+    let at = |i: usize| dispersion.index(from_um + (to_um - from_um) * i as f64 / STEPS as f64);
+    (0..STEPS).all(|i| at(i) > at(i + 1)) && at(STEPS) >= 1.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// N-BK7 by Sellmeier's formula.
+    fn bk7(um: f64) -> f64 {
+        let (b, c_um2) =
+            (vec![1.03961212, 0.231792344, 1.01046945], vec![0.00600069867, 0.0200179144, 103.560653]);
+        Dispersion::Sellmeier { b, c_um2 }.index(um)
+    }
+
+    fn through(um: &[f64]) -> ThroughIndices {
+        ThroughIndices::new(um, &um.iter().map(|um| bk7(*um)).collect::<Vec<_>>()).unwrap()
+    }
+
+    #[test]
+    fn as_many_terms_as_points_give_each_point() {
+        let lines = [0.4046561, 0.4358343, 0.4861327, 0.546074, 0.5875618, 0.6562725];
+        for first in 0..=3 {
+            let fit = through(&lines[first..]);
+            assert_eq!(fit.terms, 6 - first);
+            assert!(fit.residual < 1e-12, "{fit:?}");
+        }
+        let more = through(&[0.4046561, 0.4358343, 0.4861327, 0.52, 0.546074, 0.5875618, 0.62, 0.6562725]);
+        assert!(more.terms == 6 && more.residual < 1e-6 && more.residual > 0.0, "{more:?}");
+    }
+
+    #[test]
+    fn three_lines_give_the_index_between_them() {
+        let fit = through(&[0.4861327, 0.5875618, 0.6562725]);
+        for um in [0.5, 0.546074, 0.6328] {
+            assert!((fit.dispersion.index(um) - bk7(um)).abs() < 2e-5, "{um}");
+        }
+        assert!((fit.dispersion.index(0.4358343) - bk7(0.4358343)).abs() < 2e-4);
+    }
+
+    #[test]
+    fn indices_of_no_medium_have_no_formula() {
+        assert_eq!(ThroughIndices::new(&[0.4, 0.5, 0.6], &[1.5, 1.51, 1.52]), None);
+        assert_eq!(ThroughIndices::new(&[0.4, 0.5], &[1.52, 1.51]), None);
+        assert_eq!(ThroughIndices::new(&[0.4, 0.4, 0.6], &[1.52, 1.51, 1.5]), None);
+        assert_eq!(ThroughIndices::new(&[], &[]), None);
+    }
+}
