@@ -2,7 +2,8 @@
 
 use std::collections::VecDeque;
 
-use crate::draft::{Record, line_end};
+use crate::decimal::shifted;
+use crate::draft::{MOST_VALUES, Record, line_end};
 use petzval_base::FileError;
 
 /// Longest command with its continuations, characters.
@@ -29,11 +30,17 @@ pub(super) struct Command {
     pub quoted: bool,
     /// The values.
     pub words: Vec<Word>,
+    /// Whether it is the first position of a zoomed command, which overrides an earlier command of its name.
+    pub zoomed: bool,
 }
 
 impl Command {
     fn new(line: u32, text: &str) -> Option<Self> {
-        let mut words = split_words(text);
+        Self::of_words(Record::new(line, text.trim()), split_words(text))
+    }
+
+    /// The command that words make; `None` without words.
+    fn of_words(record: Record, mut words: Vec<Word>) -> Option<Self> {
         if words.is_empty() {
             return None;
         }
@@ -44,7 +51,21 @@ impl Command {
         } else {
             upper.chars().take(3).collect()
         };
-        Some(Self { record: Record::new(line, text.trim()), name, full: upper, quoted: first.quoted, words })
+        Some(Self { record, name, full: upper, quoted: first.quoted, words, zoomed: false })
+    }
+
+    /// The first position of a zoomed command, `ZOO name [surface] [qualifiers] value value ...`: its name with surface, qualifiers and first value.
+    /// `None` if one of these is missing.
+    pub fn first_position(&self) -> Option<Self> {
+        let name = self.word(0)?.to_uppercase();
+        let is_surface = |word: &Word| !word.quoted && surface_name(&word.text.to_uppercase()).is_some();
+        let qualified = 1 + usize::from(self.words.get(1).is_some_and(is_surface));
+        // The values of a glass may be codes, which look like numbers. Other values are numbers, or words without qualifiers.
+        let is_number = |word: &Word| !word.quoted && word.text.parse::<f64>().is_ok();
+        let number =
+            self.words.iter().skip(qualified).position(is_number).filter(|_| !name.starts_with("GLA"));
+        let words = self.words.get(..=qualified + number.unwrap_or(0))?;
+        Self::of_words(self.record.clone(), words.to_vec()).map(|command| Self { zoomed: true, ..command })
     }
 
     pub fn error(&self, message: impl Into<String>) -> FileError {
@@ -96,12 +117,56 @@ impl Command {
         self.words.iter().map(|word| self.parse(word)).collect()
     }
 
+    /// A list of numbers times ten to a power; or, after `F2` or `W2`, the `earlier` list with another number 2, filled up with `missing`.
+    ///
+    /// Fails if a value is no finite number, if there are too many, or if a zoomed value leaves open which number of several it is.
+    pub fn list(&self, earlier: &[f64], missing: f64, power: i32) -> Result<Vec<f64>, FileError> {
+        let scaled = |word: &Word| {
+            self.parse(word)?;
+            let error = || self.error(format!("`{}` is not a finite number", word.text));
+            shifted(&word.text, power).ok_or_else(error)
+        };
+        let named = self.words.first().filter(|word| !word.quoted).map(|word| word.text.to_uppercase());
+        let number = named.as_deref().and_then(|word| word.strip_prefix(['F', 'W'])?.parse::<usize>().ok());
+        let Some(number) = number else {
+            if self.zoomed && earlier.len() > 1 {
+                let error = self.error(format!("this is one value for {} numbers", earlier.len()));
+                return Err(error.hint("name the field or the wavelength, as F2 or W2"));
+            }
+            self.numbers(MOST_VALUES)?;
+            return self.words.iter().map(scaled).collect();
+        };
+        let [_, word] = &self.words[..] else {
+            return Err(self.error("one value follows the number of a field or wavelength"));
+        };
+        if !(1..=MOST_VALUES).contains(&number) {
+            return Err(self.error(format!("fields and wavelengths are numbered from 1 to {MOST_VALUES}")));
+        }
+        let mut list = earlier.to_vec();
+        list.resize(list.len().max(number), missing);
+        list[number - 1] = scaled(word)?;
+        Ok(list)
+    }
+
     fn parse(&self, word: &Word) -> Result<f64, FileError> {
         match word.text.parse::<f64>() {
             Ok(value) if value.is_finite() && !word.quoted => Ok(value),
             _ => Err(self.error(format!("`{}` is not a finite number", word.text))),
         }
     }
+}
+
+/// The text after the `S` of a word that names surfaces: object, image, stop, all, a number, a label, or a range of these.
+/// `None` for other words, such as the glass SF5.
+pub(super) fn surface_name(word: &str) -> Option<&str> {
+    let of = word.strip_prefix('S')?;
+    let one = |name: &str| {
+        matches!(name, "O" | "I" | "S" | "A") || name.bytes().all(|b| b.is_ascii_digit()) && !name.is_empty()
+    };
+    let label = of.starts_with(['\'', '"']);
+    (label
+        || of.split("..").all(|name| one(name.strip_prefix('S').filter(|n| !n.is_empty()).unwrap_or(name))))
+    .then_some(of)
 }
 
 /// Iterator over the commands of a text.

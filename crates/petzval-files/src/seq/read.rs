@@ -1,20 +1,23 @@
 //! Reads a file: first all commands, then the lens that they define.
 
-use super::command::{Command, Commands, Word};
+use super::command::{Command, Commands, Word, surface_name};
 use super::glass::PrivateGlasses;
 use super::read_surface::{RawSurface, is_surface_command};
 use super::system::System;
 use crate::ForeignRecords;
+use crate::decimal::shown;
 use crate::draft::{Aperture, Break, Draft, Import, Item, MOST_SURFACES, Record, check_size};
 use crate::loss::{Effect, Losses};
 use petzval_base::FileError;
 use petzval_optics::glass::Catalog;
 
-/// Commands without effect on the lens: start and end of the program, display, codes of variables (which end in C: `CCY`,
-/// `THC`, `GLC`, `KC`, `AC`, ...), apertures in drawings.
-const BOOKKEEPING: &[&str] = &[
-    "LEN", "GO", "INI", "CWL", "CA", "CCY", "CCX", "THC", "GLC", "KC", "AC", "BC", "CC", "DC", "EC", "FC",
-    "GC", "HC", "JC", "CUC", "SCC", "XDC", "YDC", "ZDC", "ADC", "BDC", "CDC",
+/// Commands without effect on the lens: start and end of the program, display, apertures in drawings.
+const BOOKKEEPING: &[&str] = &["LEN", "GO", "INI", "CWL", "CA"];
+
+/// Codes of variables: 0 marks the number of a surface as one.
+const VARIABLE_CODES: &[&str] = &[
+    "CCY", "CCX", "THC", "GLC", "KC", "AC", "BC", "CC", "DC", "EC", "FC", "GC", "HC", "JC", "CUC", "SCC",
+    "XDC", "YDC", "ZDC", "ADC", "BDC", "CDC",
 ];
 
 /// Commands whose effect on light is not traced.
@@ -49,7 +52,7 @@ const REFUSED: &[(&[&str], &str)] = &[
 /// The commands that are not read into the lens.
 pub fn records() -> ForeignRecords {
     ForeignRecords {
-        ignored: BOOKKEEPING.to_vec(),
+        ignored: [BOOKKEEPING, VARIABLE_CODES].concat(),
         lost: Vec::new(),
         solves: Vec::new(),
         refused: REFUSED.iter().flat_map(|(names, why)| names.iter().map(|name| (*name, *why))).collect(),
@@ -90,6 +93,36 @@ struct Reader {
     current: usize,
     stop: Option<(usize, Record)>,
     paraxial_image: Option<Record>,
+    /// The pickups, `None` where one is not understood, with their commands.
+    pickups: Vec<(Option<Pickup>, Record)>,
+}
+
+/// Message of a zoomed command.
+const FIRST_POSITION: &str = "only the first zoom position is read";
+
+/// A number of a surface that is `factor` times that of another plus `summand`, in the units of the file.
+struct Pickup {
+    /// The command that sets the number.
+    quantity: String,
+    to: usize,
+    from: usize,
+    factor: f64,
+    summand: f64,
+}
+
+impl Pickup {
+    /// The number that it gives and the one that the file states; `None` if the quantity is not one of those that are read.
+    fn values(&self, surfaces: &[RawSurface], radii: bool) -> Option<[f64; 2]> {
+        let value = |surface: usize| surfaces.get(surface)?.value(&self.quantity, radii);
+        Some([self.factor * value(self.from)? + self.summand, value(self.to)?])
+    }
+}
+
+/// Whether two numbers of a file differ by no more than their printed digits; infinite radii are the same.
+fn is_same(a: f64, b: f64) -> bool {
+    const PRINTED: f64 = 1e-6;
+    let largest = a.abs().max(b.abs());
+    (a.is_infinite() && b.is_infinite()) || (a - b).abs() <= PRINTED * largest
 }
 
 impl Reader {
@@ -119,6 +152,7 @@ impl Reader {
                 let (surface, _) = self.target(command)?;
                 if let Some((earlier, record)) = &self.stop
                     && *earlier != surface
+                    && !command.zoomed
                 {
                     let message = format!("line {} already makes another surface the stop", record.line);
                     return Err(command.error(message));
@@ -129,11 +163,22 @@ impl Reader {
                 self.paraxial_image = Some(command.record.clone());
                 self.lose(&command.record, Effect::NoRay, "the solve is not kept, but its value is");
             }
-            "ZOO" => self.lose(&command.record, Effect::NoRay, "only the first zoom position is read"),
-            "PIK" => self.lose(&command.record, Effect::NoRay, "the pickup is not kept, but its value is"),
+            "ZOO" => self.read_zoomed(command)?,
+            "PIK" => self.pickups.push((self.pickup(command), command.record.clone())),
             // The default, which the program writes with aspheres.
             "IC" if command.says_yes().is_ok_and(|yes| yes) => {}
             name if BOOKKEEPING.contains(&name) => {}
+            name if VARIABLE_CODES.contains(&name) => {
+                let code = command.words.last().and_then(|word| word.text.parse::<f64>().ok());
+                if code == Some(0.0) {
+                    let Record { line, text } = &command.record;
+                    self.losses.add_part(
+                        *line,
+                        text,
+                        "variables are not read: the file gives them no bounds",
+                    );
+                }
+            }
             name if is_surface_command(name) => {
                 let (surface, words) = self.target(command)?;
                 let raw = &mut self.surfaces[surface];
@@ -147,6 +192,73 @@ impl Reader {
             }
         }
         Ok(())
+    }
+
+    /// Reads the first position of a zoomed command as if it stood alone; it overrides what the file states before. `ZOO 3` is the number of
+    /// positions.
+    fn read_zoomed(&mut self, command: &Command) -> Result<(), FileError> {
+        const NEVER_ZOOMED: &[&str] = &["ZOO", "PIK", "PIM", "PRV", "END", "RDM"];
+        let quantity = command.word(0).unwrap_or("").to_uppercase();
+        if quantity.is_empty() || quantity.parse::<f64>().is_ok() {
+            self.lose(&command.record, Effect::NoRay, FIRST_POSITION);
+            return Ok(());
+        }
+        let is_read =
+            |first: &Command| !NEVER_ZOOMED.contains(&first.name.as_str()) && !self.is_surface(first);
+        let Some(first) = command.first_position().filter(is_read) else {
+            let message = format!("{quantity} of the first zoom position is not read");
+            self.lose(&command.record, Effect::NotUnderstood, &message);
+            return Ok(());
+        };
+        self.lose(&command.record, Effect::NoRay, FIRST_POSITION);
+        self.read(&first)
+    }
+
+    /// The pickup of `PIK name [surface] surface [factor [summand]]`: the first surface takes its number from the second. `None` if the command
+    /// has another form.
+    fn pickup(&self, command: &Command) -> Option<Pickup> {
+        let quantity = command.word(0)?.to_uppercase().chars().take(3).collect();
+        let is_surface = |word: &&Word| !word.quoted && surface_name(&word.text.to_uppercase()).is_some();
+        let named: Vec<&Word> = command.words.iter().skip(1).take_while(is_surface).collect();
+        let surface = |word: &Word| self.numbered(surface_name(&word.text.to_uppercase())?);
+        let (to, from) = match named[..] {
+            [from] => (self.current, surface(from)?),
+            [to, from] => (surface(to)?, surface(from)?),
+            _ => return None,
+        };
+        let rest = command.words.get(1 + named.len()..)?;
+        let numbers = rest.iter().map(|word| word.text.parse().ok()).collect::<Option<Vec<f64>>>()?;
+        let (factor, summand) = match numbers[..] {
+            [] => (1.0, 0.0),
+            [factor] => (factor, 0.0),
+            [factor, summand] => (factor, summand),
+            _ => return None,
+        };
+        Some(Pickup { quantity, to, from, factor, summand })
+    }
+
+    /// Reports every pickup, and whether the numbers of the file fulfil it.
+    fn report_pickups(&mut self, radii: bool) {
+        for (pickup, record) in std::mem::take(&mut self.pickups) {
+            let values = pickup.as_ref().and_then(|pickup| pickup.values(&self.surfaces, radii));
+            let (effect, message) = match values {
+                None => (
+                    Effect::NotUnderstood,
+                    "the pickup is not kept, and its value is not compared with that of the file".to_owned(),
+                ),
+                Some([picked, stated]) if is_same(picked, stated) => {
+                    (Effect::NoRay, "the pickup is not kept, but its value is".to_owned())
+                }
+                Some([picked, stated]) => {
+                    let (picked, stated) = (shown(picked), shown(stated));
+                    let message = format!(
+                        "the pickup is not kept: it gives {picked}, and the file states {stated}, which is taken"
+                    );
+                    (Effect::Unsolved, message)
+                }
+            };
+            self.lose(&record, effect, &message);
+        }
     }
 
     /// Whether a command adds a surface: `SO`, `S`, `S12`, `SI`, with at least a radius and a thickness.
@@ -188,18 +300,23 @@ impl Reader {
         let Some(of) = named.as_deref().and_then(surface_name) else {
             return Ok((self.current, &command.words));
         };
+        match self.numbered(of) {
+            Some(surface) => Ok((surface, &command.words[1..])),
+            None => Err(command
+                .error(format!("there is no surface S{of}"))
+                .hint("one surface at a time is read, from S1; ranges and labels are not")),
+        }
+    }
+
+    /// The surface that is called `O`, `I`, `S` or by its number.
+    fn numbered(&self, of: &str) -> Option<usize> {
         let surface = match of {
             "O" => Some(0),
             "I" => self.has_image.then(|| self.surfaces.len() - 1),
             "S" => self.stop.as_ref().map(|(surface, _)| *surface),
             number => number.parse::<usize>().ok(),
         };
-        match surface.filter(|s| *s < self.surfaces.len()) {
-            Some(surface) => Ok((surface, &command.words[1..])),
-            None => Err(command
-                .error(format!("there is no surface S{of}"))
-                .hint("one surface at a time is read, from S1; ranges and labels are not")),
-        }
+        surface.filter(|s| *s < self.surfaces.len())
     }
 
     fn finish(mut self, catalog: &Catalog) -> Result<Import, FileError> {
@@ -215,6 +332,7 @@ impl Reader {
             }
             self.losses.assume("the file has no RDM; its surfaces have curvatures");
         }
+        self.report_pickups(radii);
         if self.system.mm == 0.0 {
             self.losses.assume("the file gives no unit; lengths are taken as mm");
             self.system.mm = 1.0;
@@ -317,19 +435,6 @@ impl Reader {
         };
         draft.finish(self.losses)
     }
-}
-
-/// The text after the `S` of a word that names surfaces: object, image, stop, all, a number, a label, or a range of these.
-/// `None` for other words, such as the glass SF5.
-fn surface_name(word: &str) -> Option<&str> {
-    let of = word.strip_prefix('S')?;
-    let one = |name: &str| {
-        matches!(name, "O" | "I" | "S" | "A") || name.bytes().all(|b| b.is_ascii_digit()) && !name.is_empty()
-    };
-    let label = of.starts_with(['\'', '"']);
-    (label
-        || of.split("..").all(|name| one(name.strip_prefix('S').filter(|n| !n.is_empty()).unwrap_or(name))))
-    .then_some(of)
 }
 
 /// Thickness after the last item, mm.

@@ -360,6 +360,21 @@ impl RawSurface {
         })
     }
 
+    /// The number that a command sets, in units of the file; infinity for the radius of a plane. `None` for other commands than those of thickness,
+    /// curvature, radius, conic constant, even powers and placement.
+    pub fn value(&self, command: &str, radii: bool) -> Option<f64> {
+        let of = |list: &[&str], values: &[f64]| {
+            list.iter().zip(values).find(|(name, _)| **name == command).map(|(_, value)| *value)
+        };
+        match command {
+            "THI" => Some(self.thickness),
+            "CUY" => Some(self.curvature(radii)),
+            "RDY" => Some(1.0 / self.curvature(radii)),
+            "K" | "KY" => Some(self.conic),
+            _ => of(&LETTERS, &self.even).or_else(|| of(&DECENTERS, &self.decenter)),
+        }
+    }
+
     /// Checks that object or image is a plane, and that the object is in air.
     pub fn check_plane(&self, mm: f64, radii: bool, what: &str) -> Result<(), FileError> {
         if self.curvature(radii) != 0.0 {

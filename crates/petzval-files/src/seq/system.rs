@@ -1,7 +1,6 @@
 //! Reads the commands of the whole lens: title, units, aperture, fields, wavelengths.
 
 use super::command::Command;
-use crate::decimal::shifted;
 use crate::draft::{AFOCAL_IMAGE_SPACE, Aperture, FieldKind, Fields, MOST_VALUES, Record, Wave, Wavelengths};
 use crate::loss::{Effect, Losses};
 use crate::wavelength::WavelengthUnit;
@@ -52,11 +51,16 @@ impl System {
             "NAO" => self.set_aperture(Aperture::ObjectNa(command.only_number()?), command)?,
             "WL" => {
                 // Convert from nm by moving the decimal point.
-                command.numbers(MOST_VALUES)?;
-                let um = command.words.iter().filter_map(|word| shifted(&word.text, -3));
-                self.wavelengths = Some((um.collect(), command.record.clone()));
+                let earlier = self.wavelengths.as_ref().map_or(&[] as &[f64], |(um, _)| um.as_slice());
+                let um = command.list(earlier, f64::NAN, -3)?;
+                if um.iter().any(|um| um.is_nan()) {
+                    return Err(command.error("the wavelengths before it are missing"));
+                }
+                self.wavelengths = Some((um, command.record.clone()));
             }
-            "WTW" => self.weights = Some(command.numbers(MOST_VALUES)?),
+            "WTW" => {
+                self.weights = Some(command.list(self.weights.as_deref().unwrap_or(&[]), 1.0, 0)?);
+            }
             "REF" => {
                 let value = command.only_number()?;
                 if !(1.0..=MOST_VALUES as f64).contains(&value) || value.fract() != 0.0 {
@@ -68,9 +72,13 @@ impl System {
             "XOB" | "YOB" => self.read_fields(FieldKind::ObjectHeight, command)?,
             "XIM" | "YIM" => self.read_fields(FieldKind::ParaxialImageHeight, command)?,
             "XRI" | "YRI" => self.read_fields(FieldKind::RealImageHeight, command)?,
-            "WTF" => self.field_weights = Some((command.numbers(MOST_VALUES)?, command.record.clone())),
+            "WTF" => {
+                let earlier =
+                    self.field_weights.as_ref().map_or(&[] as &[f64], |(weights, _)| weights.as_slice());
+                self.field_weights = Some((command.list(earlier, 1.0, 0)?, command.record.clone()));
+            }
             "VUX" | "VLX" | "VUY" | "VLY" => {
-                if command.numbers(MOST_VALUES)?.iter().any(|v| *v != 0.0) {
+                if command.list(&[], 0.0, 0)?.iter().any(|v| *v != 0.0) {
                     let message = "vignetting factors are not read: clear semi-diameters vignette the beam";
                     lose(Effect::Approximated, message);
                 }
@@ -93,7 +101,12 @@ impl System {
     }
 
     fn set_aperture(&mut self, aperture: Aperture, command: &Command) -> Result<(), FileError> {
-        if let Some((_, earlier)) = &self.aperture {
+        let is_zoomed = |earlier: &Aperture| {
+            command.zoomed && std::mem::discriminant(earlier) == std::mem::discriminant(&aperture)
+        };
+        if let Some((kind, earlier)) = &self.aperture
+            && !is_zoomed(kind)
+        {
             let message = format!("line {} already gives the aperture", earlier.line);
             return Err(command.error(message).hint("keep one of the two"));
         }
@@ -108,8 +121,9 @@ impl System {
             let message = format!("line {} already gives fields of another kind", record.line);
             return Err(command.error(message).hint("keep one of the two"));
         }
-        let values = command.numbers(MOST_VALUES)?;
-        if command.name.starts_with('X') {
+        let is_x = command.name.starts_with('X');
+        let values = command.list(if is_x { &self.x } else { &self.y }, 0.0, 0)?;
+        if is_x {
             (self.x, self.x_at) = (values, command.record.clone());
         } else {
             self.y = values;

@@ -210,13 +210,14 @@ fn lost_records_are_reported_with_line_and_effect() {
         import.losses.iter().map(|l| (l.line.unwrap(), l.record.as_str(), l.effect)).collect();
     assert_eq!(found, expected);
     assert_eq!(import.losses[8].more, 1);
-    let import = seq(&changed(SEQ, "  CIR 6", "  CIR 6; CCY 0\n  MLT AR\n  QQQ 1\n  ZOO THI S2 1 2"));
+    let import = seq(&changed(SEQ, "  CIR 6", "  CIR 6; CCY 0\n  MLT AR\n  QQQ 1\n  ZOO THI S1 4 2"));
     let found: Vec<_> =
         import.losses.iter().map(|l| (l.line.unwrap(), l.record.as_str(), l.effect)).collect();
     let expected = [
+        (10, "CCY 0", Effect::NoRay),
         (11, "MLT AR", Effect::NoRay),
         (12, "QQQ 1", Effect::NotUnderstood),
-        (13, "ZOO THI S2 1 2", Effect::NoRay),
+        (13, "ZOO THI S1 4 2", Effect::NoRay),
     ];
     assert_eq!(found, expected);
 }

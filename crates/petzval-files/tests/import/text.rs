@@ -169,3 +169,49 @@ fn answers_infinities_and_quotes_of_code_v() {
     let import = seq(&changed(SEQ, "  CIR 6", "  CIR 6\n'K' 5"));
     assert_eq!((import.losses.len(), import.losses[0].effect), (1, Effect::NotUnderstood));
 }
+
+#[test]
+fn zoomed_values_are_those_of_the_first_position() {
+    let with = |lines: &str| changed(SEQ, "SI 0 0", &format!("SI 0 0\n{lines}"));
+    let import = seq(&with(
+        "ZOO 3\nZOO THI S2 90 91 92\nZOO EPD 8 9 10\nZOO RDY S1 60 50 50\nZOO CIR S1 7 8 9\nZOO YAN F2 3 2 1\n\
+         ZOO WL W1 546.1 587.6 587.6\nZOO GLA S1 SF5 517642 517642\nZOO THC S1 100 100 100",
+    ));
+    let lens = &import.file.lens;
+    let front = &lens.surfaces[0];
+    assert_eq!((lens.image_distance_mm(), lens.entrance_pupil_mm), (90.0, 8.0));
+    assert_eq!((front.shape.curvature, front.semi_diameter_mm, &*front.glass.name), (1.0 / 60.0, 7.0, "SF5"));
+    assert_eq!((&lens.fields_deg[..], &lens.wavelengths_um[..]), (&[0.0, 3.0][..], &[0.5461][..]));
+    let said = losses(&import);
+    assert!(said.len() == 1 && said[0].contains("only the first zoom position is read"), "{said:?}");
+    assert_eq!(seq(&with("ZOO STO S2 S1")).file.lens.stop, 1);
+    // A surface line may state no distance where the zoomed one does.
+    let bare = with("ZOO THI S2 90 91").replace("S 0 94", "S 0 0");
+    assert_eq!(seq(&bare).file.lens.image_distance_mm(), 90.0);
+    // What is not read is named.
+    for (line, name) in [("ZOO PIM Y N", "PIM"), ("ZOO THI S2", "THI"), ("ZOO ZOO 1 2", "ZOO")] {
+        let import = seq(&with(line));
+        let loss = &import.losses[0];
+        assert_eq!(loss.effect, Effect::NotUnderstood, "{line}");
+        assert!(loss.message.contains(&format!("{name} of the first zoom position is not read")), "{loss}");
+    }
+    let error = parse_seq(&with("ZOO YAN 3 2 1"), &catalog()).unwrap_err();
+    assert!(error.to_string().contains("one value for 2 numbers"), "{error}");
+}
+
+#[test]
+fn pickups_that_the_numbers_of_the_file_contradict_are_reported() {
+    for (line, effect, message) in [
+        ("PIK THI S2 S1 23.5", Effect::NoRay, "its value is"),
+        ("PIK RDY SI S2", Effect::NoRay, "its value is"),
+        ("PIK THI S2 S1 2 1", Effect::Unsolved, "it gives 9, and the file states 94"),
+        ("PIK CUY S2 S1 -1", Effect::Unsolved, "it gives -0.02, and the file states 0"),
+        ("PIK GLA S2 S1", Effect::NotUnderstood, "not compared"),
+    ] {
+        let import = seq(&changed(SEQ, "SI 0 0", &format!("SI 0 0\n{line}")));
+        let [loss] = &import.losses[..] else { panic!("{:?}", losses(&import)) };
+        assert_eq!((loss.effect, &*loss.record), (effect, line));
+        assert!(loss.message.contains(message), "{loss}");
+        assert_eq!(import.file.lens, seq(SEQ).file.lens, "{line}");
+    }
+}
