@@ -5,8 +5,8 @@ use crate::decimal::shown;
 use crate::field_weights::{MOST_FIELD_WEIGHT, WeightFault, uneven_weights};
 use crate::loss::{Effect, Losses};
 use petzval_base::FileError;
-use petzval_optics::lens::{Lens, ObjectDistance};
-use petzval_optics::paraxial::{first_order, image_height_per_tangent};
+use petzval_optics::lens::{Action, Lens, ObjectDistance};
+use petzval_optics::paraxial::{first_order, image_height_per_tangent, paraxial_ray};
 use petzval_optics::pupil::field_imaged_at;
 
 /// Meaning of the numbers of a field.
@@ -61,10 +61,15 @@ pub(super) fn check_telecentric(
     if off_mrad > 1e3 * PARALLEL_RAD {
         let message = format!(
             "chief rays go through the middle of the stop, and those of the file are parallel to the axis in front of the lens \
-             (telecentric): they differ by up to {} mrad",
-            shown(off_mrad)
+             (telecentric): they differ by up to {off_mrad:.3} mrad"
         );
-        let hint = "a stop at the focus that the lens has behind the object's light makes them parallel";
+        let hint = match focus_behind_mm(lens) {
+            Some(mm) => format!(
+                "a stop at the focus of the surfaces in front of it makes them parallel: {mm:.4} mm behind the last of these"
+            ),
+            None => "a stop at the focus that the lens has behind the object's light makes them parallel"
+                .to_owned(),
+        };
         return Err(record.error(message).hint(hint));
     }
     let message = format!(
@@ -72,6 +77,17 @@ pub(super) fn check_telecentric(
     );
     record.lose(losses, Effect::Approximated, &message);
     Ok(())
+}
+
+/// Distance of the focus of the surfaces in front of the stop from the last of them, mm, at the reference wavelength. `None` if there is none, if
+/// it does not lie behind that surface, or if there are mirrors.
+fn focus_behind_mm(lens: &Lens) -> Option<f64> {
+    let last = lens.stop.checked_sub(1)?;
+    let sequence = lens.at_wavelength(lens.reference_um);
+    let parallel = paraxial_ray(&sequence, 1.0, 0.0);
+    let focus_mm = -parallel.y[last] * sequence.surfaces[last].n_after / parallel.w[lens.stop];
+    let has_mirrors = lens.surfaces[..=last].iter().any(|surface| surface.action == Action::Reflect);
+    (focus_mm.is_finite() && focus_mm > 0.0 && !has_mirrors).then_some(focus_mm)
 }
 
 impl Fields {

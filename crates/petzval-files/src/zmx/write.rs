@@ -180,7 +180,11 @@ impl Out<'_> {
             _ => {
                 let message =
                     format!("the glass {} is not in the catalogue as it is in the lens", glass.name);
-                let hint = "a .zmx file names glasses and holds no formula; a .seq file holds some, or give `nd` and `vd`";
+                let hint = format!(
+                    "a .zmx file names glasses and holds no formula: put `[glass.{}]`, as in a .toml of the lens, into a catalogue for --glasses, \
+                     or give `nd` and `vd` alone for a model glass; a .seq file holds some formulas",
+                    one_line(&glass.name)
+                );
                 return Err(surface_error(surface, message).hint(hint));
             }
         };

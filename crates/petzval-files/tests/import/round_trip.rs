@@ -200,6 +200,12 @@ fn writing_and_reading_keeps_glasses_and_near_objects() {
     lens.surfaces[0].glass = glass("OWN", schott.clone());
     let error = write_zmx(&file(lens.clone()), &catalog).unwrap_err().to_string();
     assert!(error.contains("`surface 1`: the glass OWN is not in the catalogue"), "{error}");
+    assert!(error.contains("put `[glass.OWN]`") && error.contains("--glasses"), "{error}");
+    let mut with_own = catalog.clone();
+    let own = "[glass.OWN]\nschott = [2.2, -0.01, 0.01, 1e-4, 1e-5, 1e-6]\n";
+    with_own.merge(petzval_files::parse_catalog(own).unwrap());
+    let export = write_zmx(&file(lens.clone()), &with_own).unwrap();
+    assert_eq!(parse_zmx(&export.text, &with_own).unwrap().file.lens.surfaces[0].glass.dispersion, schott);
     let export = write_seq(&file(lens.clone()), &catalog).unwrap();
     assert_eq!(parse_seq(&export.text, &catalog).unwrap().file.lens.surfaces[0].glass.dispersion, schott);
     // A table of two wavelengths stays one; more of them come back as a formula that gives the same indices.

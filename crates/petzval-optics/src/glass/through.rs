@@ -11,6 +11,9 @@ const TERMS: [(i32, usize); 6] = [(0, 0), (-2, 2), (-4, 3), (2, 1), (-6, 4), (-8
 /// The least number of indices that determine a formula.
 const FEWEST: usize = 3;
 
+/// The largest difference between a measured index and that of a formula that stands for it.
+const MOST_RESIDUAL: f64 = 1e-4;
+
 /// Schott's formula through measured indices.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ThroughIndices {
@@ -18,7 +21,7 @@ pub struct ThroughIndices {
     pub dispersion: Dispersion,
     /// The number of its terms, 3 to 6. If there are as many indices, it gives each of them.
     pub terms: usize,
-    /// The largest difference between a measured index and that of the formula.
+    /// The largest difference between a measured index and that of the formula, at most 1e-4.
     pub residual: f64,
 }
 
@@ -30,7 +33,7 @@ impl ThroughIndices {
     /// Through N-BK7 at the lines C, d and F it is right to 2e-5 between them, and to 1.7e-4 at the g line beyond.
     ///
     /// `None` for fewer than three indices, lists of different lengths, wavelengths that do not ascend from above 0, and where no number of terms
-    /// gives such an index.
+    /// gives such an index within 1e-4 of the measured ones.
     pub fn new(wavelength_um: &[f64], index: &[f64]) -> Option<Self> {
         let ascends =
             wavelength_um.windows(2).all(|w| w[0] < w[1]) && wavelength_um.first().is_some_and(|w| *w > 0.0);
@@ -59,7 +62,11 @@ impl ThroughIndices {
         let dispersion = Dispersion::Schott(a);
         let misses = wavelength_um.iter().zip(index).map(|(um, n)| (dispersion.index(*um) - n).abs());
         let residual = misses.fold(0.0, f64::max);
-        falls(&dispersion, ends_um).then_some(Self { dispersion, terms, residual })
+        (residual <= MOST_RESIDUAL && falls(&dispersion, ends_um)).then_some(Self {
+            dispersion,
+            terms,
+            residual,
+        })
     }
 }
 
