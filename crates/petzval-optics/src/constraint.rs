@@ -14,7 +14,7 @@ use rim::{Rim, reach, thinnest};
 pub use stated::Stated;
 
 use crate::gradient::LensGradient;
-use crate::lens::{Lens, azimuths};
+use crate::lens::{Lens, azimuths, pull_back_track};
 use crate::number::Number;
 use crate::paraxial::{
     FirstOrderCotangent, first_order, image_height_per_tangent, pull_back_first_order, pull_back_image_height,
@@ -70,7 +70,7 @@ pub enum Constraint {
         /// Bounds, mm.
         between_mm: [f64; 2],
     },
-    /// Least and greatest paraxial back focal length.
+    /// Least and greatest paraxial back focal length, positive in the direction of the light.
     BackFocal {
         /// Bounds, mm.
         between_mm: [f64; 2],
@@ -80,7 +80,7 @@ pub enum Constraint {
         /// Least distance, mm.
         least_mm: f64,
     },
-    /// Greatest distance between any two of the vertices and the image plane.
+    /// Greatest [track](Lens::track_mm).
     Track {
         /// Greatest distance, mm.
         most_mm: f64,
@@ -246,12 +246,10 @@ impl Constraint {
                 Some(least_mm - sign * lens.image_distance_mm())
             }
             Self::Track { most_mm } => {
-                let (from, to) = extent(lens);
-                let track = lens.surfaces[from..to].iter().map(|s| s.thickness_mm).sum::<f64>();
                 if let Some((bar, g)) = pull {
-                    (from..to).for_each(|i| g[(i, Number::Thickness)] += bar * track.signum());
+                    pull_back_track(lens, bar, g);
                 }
-                Some(track.abs() - most_mm)
+                Some(lens.track_mm() - most_mm)
             }
             Self::ClearDiameter { surface, most_mm } => {
                 if let Some((bar, g)) = pull {
@@ -379,18 +377,6 @@ fn sag_gradient(lens: &Lens, surface: usize, at: [f64; 2], bar: f64, gradient: &
     for (number, by) in lens.surfaces[surface].shape.sensitivities(at) {
         gradient[(surface, number)] += bar * by.value;
     }
-}
-
-/// The vertices, or the image plane as one more, that are furthest apart along the axis: the former first.
-fn extent(lens: &Lens) -> (usize, usize) {
-    let mut at = vec![0.0];
-    for s in &lens.surfaces {
-        at.push(at[at.len() - 1] + s.thickness_mm);
-    }
-    let furthest =
-        |sign: f64| (0..at.len()).max_by(|a, b| (sign * at[*a]).total_cmp(&(sign * at[*b]))).unwrap_or(0);
-    let (low, high) = (furthest(-1.0), furthest(1.0));
-    (low.min(high), low.max(high))
 }
 
 /// Bounds of a curvature from those of its radius, a ten-thousandth of their distance inside: a penalty ends a little beyond

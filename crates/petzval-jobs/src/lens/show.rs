@@ -71,7 +71,7 @@ pub struct Figures {
     pub working_f_number: Option<f64>,
     /// Of an afocal lens: tangent of the angle at which a field leaves over that at which it comes.
     pub angular_magnification: Option<f64>,
-    /// From the first vertex to the paraxial image, as lens tables print it, mm; along the axis where mirrors bend it.
+    /// Greatest distance between any two of the vertices and the paraxial image, mm: in space where mirrors bend the axis.
     pub total_track_mm: Option<f64>,
     /// Whether mirrors bend the axis.
     pub is_folded: bool,
@@ -227,7 +227,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
             image_na: table.image_na,
             working_f_number: table.working_f_number,
             angular_magnification: table.angular_magnification,
-            total_track_mm: finite(lens.with_image_distance(order.image_distance_mm).axis_length_mm()),
+            total_track_mm: finite(lens.with_image_distance(order.image_distance_mm).track_mm()),
             is_folded: lens.is_folded(),
             image_distance_mm,
             defocus_mm: finite(image_distance_mm - order.image_distance_mm),
@@ -347,7 +347,7 @@ fn warnings(lens: &Lens, order: &FirstOrder, spots: &[Spots]) -> Vec<String> {
     }
     if !order.efl_mm.is_finite() {
         found.push("the lens is afocal in the y-z plane: it has no focal length".to_owned());
-    } else if (lens.axis_length_mm() / order.efl_mm).abs() < NEARLY_AFOCAL {
+    } else if (lens.track_mm() / order.efl_mm).abs() < NEARLY_AFOCAL {
         let of_beams = if lens.object == ObjectDistance::Infinity {
             "; light leaves it nearly parallel, and spots are little else than beam widths on the plane of the file"
         } else {
@@ -355,7 +355,7 @@ fn warnings(lens: &Lens, order: &FirstOrder, spots: &[Spots]) -> Vec<String> {
         };
         found.push(format!(
             "the lens is nearly afocal: its focal length is {:.0} times its length{of_beams}",
-            (order.efl_mm / lens.axis_length_mm()).abs()
+            (order.efl_mm / lens.track_mm()).abs()
         ));
     }
     if matches!(lens.object, ObjectDistance::Finite(_)) && !order.image_distance_mm.is_finite() {

@@ -39,7 +39,7 @@ pub struct FirstOrderTable {
     pub image_mm: f64,
     /// Image plane from the paraxial image, mm.
     pub defocus_mm: Option<f64>,
-    /// Length with the image plane, mm, see [`Lens::axis_length_mm`].
+    /// Length with the image plane, mm, see [`Lens::track_mm`].
     pub total_track_mm: f64,
     /// Entrance pupil diameter, mm.
     pub entrance_pupil_mm: f64,
@@ -102,7 +102,7 @@ pub fn first_order_table(lens: &Lens) -> FirstOrderTable {
         magnification,
         image_mm: lens.image_distance_mm(),
         defocus_mm: exists(lens.image_distance_mm() - order.image_distance_mm),
-        total_track_mm: lens.axis_length_mm(),
+        total_track_mm: lens.track_mm(),
         entrance_pupil_mm: lens.entrance_pupil_mm,
         entrance_pupil_at_mm: exists(order.entrance_pupil_at_mm),
         exit_pupil_mm: exists(order.exit_pupil_mm),

@@ -3,16 +3,20 @@
 mod action;
 mod departure;
 mod numbers;
+mod place;
 mod placement;
 mod shape;
 mod surface;
+mod track;
 mod validate;
 
 pub use action::{Action, Pattern, Phase};
 pub use departure::{Departure, ODD_TERMS, Q_TERMS, XY_DEGREE, XY_TERMS, xy_index, xy_powers};
+pub(crate) use place::{Place, places};
 pub use placement::{Axis, Placement};
 pub use shape::SurfaceShape;
 pub use surface::Surface;
+pub(crate) use track::pull_back_track;
 pub use validate::{LensDefect, traceable, validate};
 pub(crate) use validate::{azimuths, reach_mm};
 
@@ -184,22 +188,6 @@ impl Lens {
         let turns =
             |s: &Surface| s.placement.is_some_and(|p| p.axis != Axis::Returns && p.tilt_rad != [0.0; 3]);
         self.surfaces.iter().any(turns) && self.surfaces.iter().any(|s| s.action == Action::Reflect)
-    }
-
-    /// Length of the lens with its image plane, mm: the greatest distance between any two of the vertices and the image plane. Of a
-    /// [folded](Lens::is_folded) lens it is the length of the axis from the first vertex, in the direction of the light. Not finite if the
-    /// image distance is not.
-    pub fn axis_length_mm(&self) -> f64 {
-        if self.is_folded() {
-            let forwards = |i: usize| if self.light_goes_forwards(i) { 1.0 } else { -1.0 };
-            return self.surfaces.iter().enumerate().map(|(i, s)| forwards(i) * s.thickness_mm).sum();
-        }
-        let (mut at, mut front, mut back) = (0.0_f64, 0.0_f64, 0.0_f64);
-        for surface in &self.surfaces {
-            at += surface.thickness_mm;
-            (front, back) = (front.min(at), back.max(at));
-        }
-        if at.is_finite() { back - front } else { at }
     }
 
     /// Distance from the last vertex to the image plane, mm.

@@ -59,9 +59,9 @@ pub struct Limits {
     pub element_centre_mm: Option<f64>,
     /// Least air between two surfaces, on the axis and at the smaller of their semi-diameters.
     pub air_gap_mm: Option<f64>,
-    /// Least and greatest back focal length (paraxial).
+    /// Least and greatest back focal length (paraxial), positive in the direction of the light.
     pub back_focal_mm: Option<[f64; 2]>,
-    /// Greatest distance between any two of the vertices and the image plane.
+    /// Greatest [track](Lens::track_mm): distance between any two of the vertices and the image plane.
     pub track_mm: Option<f64>,
     /// Greatest clear diameter of any surface, with the margin of the mount beyond the beams.
     pub clear_diameter_mm: Option<f64>,

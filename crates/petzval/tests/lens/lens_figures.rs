@@ -192,15 +192,16 @@ fn working_f_number_and_aperture_of_a_fast_mirror_are_those_of_its_real_cone() {
 }
 
 #[test]
-fn a_folded_axis_is_as_long_as_the_straight_one_and_an_f_number_has_no_sign() {
+fn the_track_of_a_folded_lens_is_measured_in_space_and_an_f_number_has_no_sign() {
     let folder = tempfile::tempdir().unwrap();
     let surfaces = "[[surface]]\nstop = true\nradius_mm = inf\nthin_lens = { focal_length_mm = 100.0 }\nthickness_mm = 60.0\nsemi_diameter_mm = 10.0\n\
         [[surface]]\nmirror = true\nradius_mm = inf\nthickness_mm = -40.0\nsemi_diameter_mm = 25.0\n\
         placement = { tilt_deg = [45.0, 0.0, 0.0], axis = \"bends\" }\n";
     let file = lens(folder.path(), "folded", &pupil(10.0), surfaces);
     let (json, text) = shown(folder.path(), &file);
-    assert!((json["total_track_mm"].as_f64().unwrap() - 100.0).abs() < 1e-9 && json["is_folded"] == true);
-    assert!(text.contains("along the folded axis"), "{text}");
+    let track_mm = json["total_track_mm"].as_f64().unwrap();
+    assert!((track_mm - 60_f64.hypot(40.0)).abs() < 1e-9 && json["is_folded"] == true, "{track_mm}");
+    assert!(text.contains("to the paraxial focus, straight across the folds"), "{text}");
     assert!((json["f_number"].as_f64().unwrap() - 10.0).abs() < 1e-9);
     // A tilt is printed as the file has it.
     assert!(text.contains("tilt_deg = [45.0, 0.0, 0.0]"), "{text}");

@@ -42,7 +42,7 @@ pub struct Figures {
     /// Height of the image over that of the object; `None` for an object at infinity.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub magnification: Option<f64>,
-    /// Length with the image plane, mm, see [`petzval_optics::lens::Lens::axis_length_mm`].
+    /// Length with the image plane, mm, see [`petzval_optics::lens::Lens::track_mm`].
     pub track_to_the_image_mm: f64,
     /// Largest clear diameter of a surface, mm: what the beams need, and the margin of the mount.
     pub largest_clear_diameter_mm: f64,
@@ -208,7 +208,7 @@ impl Figures {
             back_focal_length_mm: finite(order.bfl_mm),
             f_number: finite(order.f_number),
             magnification: first_order_table(lens).magnification,
-            track_to_the_image_mm: lens.axis_length_mm(),
+            track_to_the_image_mm: lens.track_mm(),
             largest_clear_diameter_mm: widest,
             distortion_percent: distortion.map(|share| 100.0 * share).and_then(finite),
             violations: violations

@@ -5,9 +5,8 @@ use std::sync::Arc;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::place::Place;
 use crate::glass::Glass;
-use crate::lens::{Action, Lens, Surface};
+use crate::lens::{Action, Lens, Place, Surface};
 use crate::vector::apply;
 
 /// One piece of glass.

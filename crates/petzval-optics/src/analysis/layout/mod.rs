@@ -1,7 +1,6 @@
 //! The layout: a lens in its y-z section, with rays, in the coordinates of its first vertex.
 
 mod element;
-mod place;
 mod ray;
 
 pub use element::{LayoutElement, LayoutLine, LineKind};
@@ -11,10 +10,9 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::AnalysisOptions;
-use crate::lens::{Lens, ObjectDistance};
+use crate::lens::{Lens, ObjectDistance, places};
 use crate::paraxial::first_order;
 use element::{bare_surfaces, elements};
-use place::places;
 
 /// A lens in its y-z section; points are (z, y) in mm from the first vertex.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]

@@ -3,8 +3,7 @@
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::place::Place;
-use crate::lens::Lens;
+use crate::lens::{Lens, Place};
 use crate::paraxial::first_order;
 use crate::pupil::aim_one;
 use crate::trace::{Fate, Path, Sequence, launch, starts_across, trace_ray};

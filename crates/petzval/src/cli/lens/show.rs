@@ -99,7 +99,7 @@ fn print(response: &Response) {
     let image = if f.object_distance_mm.is_some() { "image" } else { "focus" };
     match (f.total_track_mm, f.defocus_mm) {
         (Some(track), Some(defocus)) => {
-            let folded = if f.is_folded { ", along the folded axis" } else { "" };
+            let folded = if f.is_folded { ", straight across the folds" } else { "" };
             outln!("  total track         {track:>9.4} mm to the paraxial {image}{folded}");
             outln!("  image plane         {defocus:>+9.4} mm from the paraxial {image}");
         }

@@ -3,11 +3,12 @@
 use crate::lens::Lens;
 use crate::vector::{Matrix3, Vec3, apply, product, transposed};
 
-const STRAIGHT: Matrix3 = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+/// No rotation.
+pub(super) const STRAIGHT: Matrix3 = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 /// Position and orientation of a surface.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
+pub(crate) struct Place {
     /// Its vertex, mm.
     pub origin: Vec3,
     /// Rotation from its coordinates to those of the first vertex.
@@ -35,7 +36,7 @@ impl Place {
 }
 
 /// Places of the surfaces, and of the image plane behind them.
-pub(super) fn places(lens: &Lens) -> Vec<Place> {
+pub(crate) fn places(lens: &Lens) -> Vec<Place> {
     let sequence = lens.at_wavelength(lens.reference_um);
     let mut axis = Place { origin: [0.0; 3], rotation: STRAIGHT };
     let mut places = Vec::with_capacity(lens.surfaces.len() + 1);
