@@ -86,7 +86,7 @@ pub enum Figure {
     Wavefront,
     /// Effective focal length, mm.
     FocalLength,
-    /// Paraxial back focal length, mm.
+    /// Paraxial back focal length, mm, positive in the direction of the light.
     BackFocalLength,
     /// Greatest distance between any two of the vertices and the image plane, mm.
     Track,

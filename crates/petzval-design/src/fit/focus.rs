@@ -40,7 +40,7 @@ pub(super) fn best(lens: &Lens, start: &Lens, fields_rad: &[f64]) -> Option<Focu
     if own.is_some_and(|own| own <= (1.0 + CLOSE) * best) {
         return Some(Focused { distance_mm: lens.image_distance_mm(), note: None });
     }
-    let moved_mm = at.image_distance_mm() - lens.image_distance_mm();
+    let moved_mm = lens.away_from_lens_mm(at.image_distance_mm() - lens.image_distance_mm());
     let before = own.map_or("no image".to_owned(), |own| format!("{own:.1} um"));
     let note = format!(
         "focus: the image plane moves by {moved_mm:+.4} mm to the best focus over the sensor; RMS spot {best:.1} um, before {before}"

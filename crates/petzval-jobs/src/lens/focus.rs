@@ -64,6 +64,9 @@ pub struct Response {
     pub image_distance_before_mm: f64,
     /// From the last vertex to the image plane as it is now, mm.
     pub image_distance_mm: f64,
+    /// How far the image plane has moved, mm; positive away from the lens.
+    #[serde(default)]
+    pub moved_mm: f64,
     /// RMS spot radius over fields and wavelengths in the plane of the file, um; none if some field has no light there.
     pub rms_spot_before_um: Option<f64>,
     /// The same in the plane as it is now.
@@ -112,6 +115,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         name: lens.name.clone(),
         image_distance_before_mm: before.image_distance_mm(),
         image_distance_mm: lens.image_distance_mm(),
+        moved_mm: moved_mm(&before, &lens),
         rms_spot_before_um: rms_um(&before),
         rms_spot_um: rms_um(&lens),
         largest_colour_spot_before_um: colour_um(&before),
@@ -187,7 +191,7 @@ pub(super) fn colours_out_of_focus(lens: &Lens) -> Option<String> {
             "the best focus is that of all wavelengths about their common centroid, and the lens spreads them apart: the spot of one wavelength \
              is up to {here:.1} um, and {there:.1} um with the image plane moved by {:+.4} mm; to focus single wavelengths, leave one of them in \
              [wavelengths]",
-            of_colours.image_distance_mm() - lens.image_distance_mm()
+            moved_mm(lens, &of_colours)
         )
     })
 }
@@ -213,7 +217,7 @@ pub(crate) fn focus_elsewhere(name: &str, lens: &Lens) -> Option<String> {
 /// An image plane so far from the best focus that spots and modulation show little else.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Defocus {
-    /// From the image plane to the best focus, mm; positive is further from the last vertex along the axis.
+    /// From the image plane to the best focus, mm; positive away from the lens.
     pub moved_mm: f64,
     /// RMS spot radius over fields and wavelengths in the image plane, um.
     pub rms_spot_um: f64,
@@ -237,12 +241,17 @@ pub(super) fn defocus(lens: &Lens) -> Option<Defocus> {
     if is_virtual(&best) {
         return None;
     }
-    let moved_mm = best.image_distance_mm() - lens.image_distance_mm();
+    let moved_mm = moved_mm(lens, &best);
     (there < OUT_OF_FOCUS * here && here > airy_um).then_some(Defocus {
         moved_mm,
         rms_spot_um: here,
         best_rms_spot_um: there,
     })
+}
+
+/// From the image plane of a lens to that of the same lens `there`, mm; positive away from the lens.
+fn moved_mm(lens: &Lens, there: &Lens) -> f64 {
+    lens.away_from_lens_mm(there.image_distance_mm() - lens.image_distance_mm())
 }
 
 /// Whether light has to go back to reach the image plane.

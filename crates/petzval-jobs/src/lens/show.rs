@@ -55,7 +55,7 @@ pub struct Figures {
     pub source: String,
     /// Focal length, mm.
     pub efl_mm: Option<f64>,
-    /// From the last vertex to the rear focal point, mm.
+    /// From the last vertex to the rear focal point along z, mm: negative behind an odd number of mirrors, as the last thickness.
     pub bfl_mm: Option<f64>,
     /// Focal length over entrance pupil diameter.
     pub f_number: Option<f64>,
@@ -77,7 +77,7 @@ pub struct Figures {
     pub is_folded: bool,
     /// From the last vertex to the image plane, mm.
     pub image_distance_mm: f64,
-    /// Image plane from the paraxial image, mm.
+    /// Image plane from the paraxial image, mm; positive away from the lens.
     pub defocus_mm: Option<f64>,
     /// Entrance pupil from the first vertex, mm.
     pub entrance_pupil_from_first_vertex_mm: Option<f64>,
@@ -230,7 +230,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
             total_track_mm: finite(lens.with_image_distance(order.image_distance_mm).track_mm()),
             is_folded: lens.is_folded(),
             image_distance_mm,
-            defocus_mm: finite(image_distance_mm - order.image_distance_mm),
+            defocus_mm: finite(lens.away_from_lens_mm(image_distance_mm - order.image_distance_mm)),
             entrance_pupil_from_first_vertex_mm: finite(order.entrance_pupil_at_mm),
             exit_pupil_from_last_vertex_mm: finite(order.exit_pupil_at_mm),
             exit_pupil_mm: finite(order.exit_pupil_mm),

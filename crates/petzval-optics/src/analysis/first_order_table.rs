@@ -37,7 +37,7 @@ pub struct FirstOrderTable {
     pub magnification: Option<f64>,
     /// From the last vertex to the image plane, mm.
     pub image_mm: f64,
-    /// Image plane from the paraxial image, mm.
+    /// Image plane from the paraxial image, mm; positive away from the lens.
     pub defocus_mm: Option<f64>,
     /// Length with the image plane, mm, see [`Lens::track_mm`].
     pub total_track_mm: f64,
@@ -101,7 +101,7 @@ pub fn first_order_table(lens: &Lens) -> FirstOrderTable {
         object_mm,
         magnification,
         image_mm: lens.image_distance_mm(),
-        defocus_mm: exists(lens.image_distance_mm() - order.image_distance_mm),
+        defocus_mm: exists(lens.away_from_lens_mm(lens.image_distance_mm() - order.image_distance_mm)),
         total_track_mm: lens.track_mm(),
         entrance_pupil_mm: lens.entrance_pupil_mm,
         entrance_pupil_at_mm: exists(order.entrance_pupil_at_mm),

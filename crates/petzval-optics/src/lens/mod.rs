@@ -195,6 +195,14 @@ impl Lens {
         self.surfaces.last().map_or(0.0, |s| s.thickness_mm)
     }
 
+    /// A distance along z behind the last surface, mm, as counted in the direction of the light: positive away from the lens. Behind an odd number of
+    /// mirrors the two have opposite signs.
+    pub fn away_from_lens_mm(&self, along_z_mm: f64) -> f64 {
+        let forwards = self.surfaces.len().checked_sub(1).is_none_or(|last| self.light_goes_forwards(last));
+        // A difference, not a negation: 0 keeps its sign.
+        if forwards { along_z_mm } else { 0.0 - along_z_mm }
+    }
+
     /// A copy with another distance from the last vertex to the image plane, mm.
     pub fn with_image_distance(&self, distance_mm: f64) -> Self {
         let mut lens = self.clone();

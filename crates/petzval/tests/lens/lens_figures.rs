@@ -203,6 +203,62 @@ fn the_track_of_a_folded_lens_is_measured_in_space_and_an_f_number_has_no_sign()
     assert!((track_mm - 60_f64.hypot(40.0)).abs() < 1e-9 && json["is_folded"] == true, "{track_mm}");
     assert!(text.contains("to the paraxial focus, straight across the folds"), "{text}");
     assert!((json["f_number"].as_f64().unwrap() - 10.0).abs() < 1e-9);
+    assert!(
+        (json["defocus_mm"].as_f64().unwrap()).abs() < 1e-9 && text.contains("+0.0000 mm from the paraxial")
+    );
     // A tilt is printed as the file has it.
     assert!(text.contains("tilt_deg = [45.0, 0.0, 0.0]"), "{text}");
+}
+
+/// Behind a mirror distances along z lead against the light: shifts of the image plane are positive away from the lens all the same.
+#[test]
+fn the_focus_behind_a_mirror_lies_nearer_where_the_plane_is_too_far() {
+    let folder = tempfile::tempdir().unwrap();
+    let surfaces = "[[surface]]\nstop = true\nradius_mm = inf\nthin_lens = { focal_length_mm = 100.0 }\nthickness_mm = 60.0\nsemi_diameter_mm = 10.0\n\
+        [[surface]]\nmirror = true\nradius_mm = inf\nthickness_mm = -52.0\nsemi_diameter_mm = 25.0\n\
+        placement = { tilt_deg = [45.0, 0.0, 0.0], axis = \"bends\" }\n";
+    let file = lens(folder.path(), "far", &pupil(10.0), surfaces);
+    let (json, text) = shown(folder.path(), &file);
+    assert!((json["defocus_mm"].as_f64().unwrap() - 12.0).abs() < 1e-9, "{json}");
+    assert!(text.contains("+12.0000 mm from the paraxial focus"), "{text}");
+    let advice = text.lines().find(|line| line.contains("out of focus")).unwrap();
+    assert!(advice.contains("where the image plane lies -1"), "{advice}");
+    let focused = run_ok(folder.path(), &["lens", "focus", &file, "--json"]).json();
+    let figure = |key: &str| focused[key].as_f64().unwrap();
+    assert!(
+        (figure("moved_mm") + 12.0).abs() < 0.2 && (figure("image_distance_mm") + 40.0).abs() < 0.2,
+        "{focused}"
+    );
+    let said = run_ok(folder.path(), &["lens", "focus", &file]).stdout;
+    assert!(said.contains("mm from where it was; positive away from the lens"), "{said}");
+    let analysis = run_ok(folder.path(), &["lens", "analyze", &file, "--json"]).json();
+    assert!((analysis["first_order"]["defocus_mm"].as_f64().unwrap() - 12.0).abs() < 1e-9);
+}
+
+/// The track and the back focal length of a folded lens are one number each, in the limit and in the table.
+#[test]
+fn limits_of_a_folded_lens_are_those_of_its_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let surfaces = "[glass.M15]\nn = 1.5\n[[surface]]\nradius_mm = 60.0\nthickness_mm = 4.0\nglass = \"M15\"\nsemi_diameter_mm = 6.0\n\
+        [[surface]]\nradius_mm = -60.0\nthickness_mm = 1.0\nsemi_diameter_mm = 6.0\n\
+        [[surface]]\nstop = true\nradius_mm = inf\nthickness_mm = 30.0\nsemi_diameter_mm = 5.0\n\
+        [[surface]]\nmirror = true\nradius_mm = inf\nthickness_mm = -28.0\nsemi_diameter_mm = 9.0\n\
+        placement = { tilt_deg = [-45.0, 0.0, 0.0], axis = \"bends\" }\n";
+    let file = lens(folder.path(), "bent", &pupil(8.0), surfaces);
+    let limits = ["--track", "36", "--bfl", "20,30", "--iterations", "0", "--out", "run", "--json"];
+    let args = [&["lens", "optimize", &file, "--vary", "curvature"], &limits[..]].concat();
+    let best = &run_ok(folder.path(), &args).json()["best"];
+    let track_mm = best["track_to_the_image_mm"].as_f64().unwrap();
+    let shown = run_ok(folder.path(), &["lens", "show", "run/best.toml", "--json"]).json();
+    let image_mm = shown["surfaces"][3]["thickness_mm"].as_f64().unwrap();
+    assert!((track_mm - 35_f64.hypot(image_mm)).abs() < 1e-6, "{track_mm} {image_mm}");
+    let violations: Vec<&str> =
+        best["violations"].as_array().unwrap().iter().map(|said| said.as_str().unwrap()).collect();
+    assert_eq!(violations, [format!("track: {track_mm:.4} mm, at most 36")]);
+    // Within the bounds of the limit, with its sign.
+    let back_mm = best["back_focal_length_mm"].as_f64().unwrap();
+    assert!(
+        (back_mm + shown["bfl_mm"].as_f64().unwrap()).abs() < 1e-6 && (20.0..30.0).contains(&back_mm),
+        "{back_mm}"
+    );
 }

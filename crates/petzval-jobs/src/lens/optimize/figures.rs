@@ -35,7 +35,7 @@ pub struct Figures {
     pub rms_spot_um: Vec<f64>,
     /// Focal length, mm.
     pub focal_length_mm: Option<f64>,
-    /// From the last vertex to the rear focal point, mm.
+    /// From the last vertex to the rear focal point, mm; positive in the direction of the light.
     pub back_focal_length_mm: Option<f64>,
     /// Focal length over entrance pupil diameter.
     pub f_number: Option<f64>,
@@ -205,7 +205,7 @@ impl Figures {
             mean_rms_spot_um: rms_um.iter().sum::<f64>() / rms_um.len() as f64,
             rms_spot_um: rms_um,
             focal_length_mm: finite(order.efl_mm),
-            back_focal_length_mm: finite(order.bfl_mm),
+            back_focal_length_mm: finite(lens.away_from_lens_mm(order.bfl_mm)),
             f_number: finite(order.f_number),
             magnification: first_order_table(lens).magnification,
             track_to_the_image_mm: lens.track_mm(),

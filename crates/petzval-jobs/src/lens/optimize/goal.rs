@@ -64,7 +64,7 @@ petzval_base::parameters! {
         chief_ray_angle: Option<f64> = None, "degrees", 0..89.999, Linear, "degrees, below 90";
         /// Field angles, degrees, all of the same weight; those of the lens with their weights if empty.
         fields: Vec<f64> = Vec::new(), "degrees", -180.0..180.0, Linear, "degrees from the axis";
-        /// Least and greatest back focal length, mm; empty for none.
+        /// Least and greatest back focal length, mm, positive in the direction of the light; empty for none.
         bfl: Vec<f64> = Vec::new(), "mm", -1e6..1e6, Linear, "for example 24,25";
     }
     also {

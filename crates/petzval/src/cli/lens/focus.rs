@@ -36,9 +36,14 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let response = focus::run(&request, &terminal.context())?;
     print_response(args.json, &response, || {
         let spot = |um: Option<f64>| um.map_or_else(|| "no image".to_owned(), |um| format!("{um:.2} um"));
-        let (before, now) = (response.image_distance_before_mm, response.image_distance_mm);
+        let (before_mm, now_mm) = (response.image_distance_before_mm, response.image_distance_mm);
+        let moved_mm = response.moved_mm;
+        // Behind an odd number of mirrors distances from the vertex are negative, and the shift is not their difference.
+        let sense = if moved_mm == now_mm - before_mm { "" } else { "; positive away from the lens" };
         outln!("{}", response.name);
-        outln!("  image plane  {now:.6} mm from the last vertex, {:+.6} mm from where it was", now - before);
+        outln!(
+            "  image plane  {now_mm:.6} mm from the last vertex, {moved_mm:+.6} mm from where it was{sense}"
+        );
         outln!("  RMS spot     {}, before {}", spot(response.rms_spot_um), spot(response.rms_spot_before_um));
         if let Some(now) = response.largest_colour_spot_um {
             let before = spot(response.largest_colour_spot_before_um);

@@ -30,7 +30,7 @@ pub struct GoalArgs {
     /// F-number; determines the entrance pupil, from the focal length that is held or that of the start
     #[arg(long, value_name = "N")]
     f_number: Option<f64>,
-    /// Least and greatest back focal length, mm
+    /// Least and greatest back focal length, mm, positive in the direction of the light
     #[arg(long, value_delimiter = ',', num_args = 1, value_name = "MIN,MAX", allow_hyphen_values = true)]
     bfl: Vec<f64>,
     /// Least edge thickness of every element, mm [default: 0.01]
