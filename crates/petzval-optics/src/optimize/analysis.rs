@@ -72,14 +72,26 @@ impl Analysis {
         lens
     }
 
-    /// The constraints that are violated, and by how much, mm; clear diameters are those of [`Analysis::fitted_lens`], which passes the beams of all
-    /// fields and wavelengths of the file.
+    /// The constraints that are violated, and by how much, mm. Edges, gaps at the edge and clear diameters are those of [`Analysis::fitted_lens`],
+    /// which passes the beams of all fields and wavelengths of the file.
     pub fn violations_as_written(&self, problem: &Problem, fitted: &Lens) -> Vec<(Constraint, f64)> {
         let is_diameter = |what: &Constraint| matches!(what, Constraint::ClearDiameter { .. });
-        let others = self.violations.iter().filter(|(what, _)| !is_diameter(what)).copied();
+        let others =
+            self.violations_at_written_edges(fitted).into_iter().filter(|(what, _)| !is_diameter(what));
         let diameters = problem.constraints().into_iter().filter(is_diameter);
         let excess = |what: Constraint| Some((what, what.excess_mm(fitted, &SemiDiameters(fitted))?));
         others.chain(diameters.filter_map(excess).filter(|(_, excess_mm)| *excess_mm > 0.0)).collect()
+    }
+
+    /// [`Analysis::violations`] with edges measured at the clear semi-diameters of [`Analysis::fitted_lens`]. The descent measures them at the beams and a
+    /// mount beyond, at the stop too, which has none in a file.
+    pub fn violations_at_written_edges(&self, fitted: &Lens) -> Vec<(Constraint, f64)> {
+        let written = |&(what, excess_mm): &(Constraint, f64)| {
+            let is_edge = matches!(what, Constraint::Edge { .. } | Constraint::AirEdge { .. });
+            let at_edge = is_edge.then(|| what.excess_mm(fitted, &SemiDiameters(fitted))).flatten();
+            (what, at_edge.map_or(excess_mm, |mm| mm.max(0.0)))
+        };
+        self.violations.iter().map(written).collect()
     }
 
     /// RMS spot of each field of [`Analysis::fitted_lens`], um: of the rays that pass its clear apertures, each with its light. `None` if a field has

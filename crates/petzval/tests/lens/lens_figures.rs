@@ -203,9 +203,6 @@ fn the_track_of_a_folded_lens_is_measured_in_space_and_an_f_number_has_no_sign()
     assert!((track_mm - 60_f64.hypot(40.0)).abs() < 1e-9 && json["is_folded"] == true, "{track_mm}");
     assert!(text.contains("to the paraxial focus, straight across the folds"), "{text}");
     assert!((json["f_number"].as_f64().unwrap() - 10.0).abs() < 1e-9);
-    assert!(
-        (json["defocus_mm"].as_f64().unwrap()).abs() < 1e-9 && text.contains("+0.0000 mm from the paraxial")
-    );
     // A tilt is printed as the file has it.
     assert!(text.contains("tilt_deg = [45.0, 0.0, 0.0]"), "{text}");
 }
@@ -247,7 +244,8 @@ fn limits_of_a_folded_lens_are_those_of_its_table() {
     let file = lens(folder.path(), "bent", &pupil(8.0), surfaces);
     let limits = ["--track", "36", "--bfl", "20,30", "--iterations", "0", "--out", "run", "--json"];
     let args = [&["lens", "optimize", &file, "--vary", "curvature"], &limits[..]].concat();
-    let best = &run_ok(folder.path(), &args).json()["best"];
+    let found = run_ok(folder.path(), &args).json();
+    let best = &found["best"];
     let track_mm = best["track_to_the_image_mm"].as_f64().unwrap();
     let shown = run_ok(folder.path(), &["lens", "show", "run/best.toml", "--json"]).json();
     let image_mm = shown["surfaces"][3]["thickness_mm"].as_f64().unwrap();

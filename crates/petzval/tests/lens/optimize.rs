@@ -673,3 +673,37 @@ fn a_descent_never_ends_worse_than_its_start_and_its_spots_are_those_of_the_file
         }
     }
 }
+
+/// Operands that cannot be met together outweigh the limits of edges and gaps, which the start keeps: no lens that breaks them counts.
+#[test]
+fn edges_and_gaps_of_the_start_stay_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let lens = "RDM;LEN\nTITLE \"macro\"\nDIM M\nNAO 0.03\nWL 643.8 587.6 546.1 486.1\nREF 3\nYOB 0.0 12.0 20.0\nSO 0.0 160.0\n\
+        S 22.0 4.0 SK16_SCHOTT\nS 0.0 5.0\nS -40.0 1.5 SF2_SCHOTT\nS 22.0 3.0\nS 0.0 2.0\n  STO\nS 90.0 4.0 SK16_SCHOTT\nS -32.0 52.0\nSI 0 0\nGO\n";
+    std::fs::write(folder.path().join("macro.seq"), lens).unwrap();
+    let operands = "[[operand]]\nof = \"image-height\"\nfield_deg = 7.125016348901798\nat_least = 15.0\nat_most = 15.0\n\
+        [[operand]]\nof = \"distortion\"\nat_most = 0.0005\n[[operand]]\nof = \"chief-ray-angle\"\nat_most = 5.0\n\
+        [[operand]]\nof = \"track\"\nat_most = 140.0\n[[operand]]\nof = \"back-focal-length\"\nat_least = 60.0\n";
+    std::fs::write(folder.path().join("ops.toml"), operands).unwrap();
+    let args =
+        ["lens", "optimize", "macro.seq", "--operands", "ops.toml", "--edge", "1", "--iterations", "30"];
+    let done = run_ok(folder.path(), &[&args[..], &["--out", "run", "--json"]].concat());
+    let found = done.json();
+    let is_of_building =
+        |what: &str| ["edge", "centre", "air", "reach"].iter().any(|start| what.starts_with(start));
+    let broken = |violations: &serde_json::Value| {
+        let all = violations.as_array().unwrap().iter();
+        let of_building = all.filter(|v| is_of_building(v[0].as_str().unwrap()));
+        of_building.filter(|v| v[1].as_f64().unwrap() > 0.01).count()
+    };
+    assert_eq!(broken(&found["start"]["violations_mm"]), 0, "{found}");
+    assert_eq!(broken(&found["best"]["violations_mm"]), 0, "{found}");
+    assert!(done.says("break a limit of building which the start keeps"), "{}", done.stderr);
+    // Nor does any other lens of the folder.
+    for step in steps(&folder.path().join("run")) {
+        assert_eq!(broken(&step["violations"]), 0, "{step}");
+    }
+    let resumed =
+        run_ok(folder.path(), &["lens", "optimize", "--resume", "run", "--iterations", "1", "--json"]);
+    assert_eq!(broken(&resumed.json()["best"]["violations_mm"]), 0, "{}", resumed.stdout);
+}

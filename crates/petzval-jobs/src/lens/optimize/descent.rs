@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use petzval_design::path_text::path_text;
+use petzval_optics::constraint::Constraint;
 use petzval_optics::design_space::DesignSpaceError;
 use petzval_optics::lens::Lens;
 use petzval_optics::optimize::{
@@ -10,6 +11,7 @@ use petzval_optics::optimize::{
     descend_in_focus, descend_on, descend_softly, descend_watched,
 };
 
+use super::buildable::{OnTheWay, newly_broken};
 use super::figures::is_restored;
 use super::history::{History, KeptDescent};
 use super::progress::{Clock, KEEP_EVERY, STEP_SHARE, Upto, WORTH_IT, line, not_optimisable, with_fine_rays};
@@ -62,10 +64,10 @@ fn in_plane_of(problem: &Problem, start: &Lens) -> Option<Problem> {
 }
 
 /// Levenberg and Marquardt's method from where an earlier call left off, or from the lens itself, whose image plane is that of `start` if it is
-/// better there.
+/// better there. The best lens breaks no edge or gap that `start` keeps, if any lens on the way keeps them all.
 pub(super) fn descent(
     problem: &Problem,
-    start: Option<&Lens>,
+    start: Option<&Analysis>,
     history: &mut History,
     Upto { iterations, again, .. }: Upto,
     context: &Context,
@@ -78,17 +80,23 @@ pub(super) fn descent(
         // An import reports no warnings: those of the glasses were reported with the first lens of the history.
         let best = context.assets.import(&path_text(&history.best_lens())?)?.file.lens;
         own.base = Lens { entrance_pupil_mm: problem.base.entrance_pupil_mm, ..best };
-    } else if let Some(there) = start.and_then(|start| in_plane_of(problem, start)) {
+    } else if let Some(there) = start.and_then(|start| in_plane_of(problem, &start.lens)) {
         own = there;
     }
     let problem = &own;
     let options = LevenbergOptions { iterations, ..LevenbergOptions::default() };
     let mut went_softly = kept.as_ref().is_some_and(|kept| kept.went_softly);
     let (mut failure, mut kept_at) = (None::<JobError>, Instant::now());
+    let mut buildable = None;
     let mut watch = |progress: &DescentProgress| {
         context.progress(progress.iterations as u64, iterations as u64, "descent");
         let mut step = || {
-            let is_step = history.is_better(&progress.best, STEP_SHARE);
+            let is_buildable = newly_broken(start, &progress.best).is_none();
+            if is_buildable {
+                let (best, at) = (progress.best.clone(), progress.at.clone());
+                buildable = Some(OnTheWay { best, at, iteration: progress.iterations });
+            }
+            let is_step = is_buildable && history.is_better(&progress.best, STEP_SHARE);
             if is_step {
                 add(problem, history, &clock, progress.iterations, &progress.best, &progress.at, context)?;
             }
@@ -115,6 +123,25 @@ pub(super) fn descent(
         return Err(failure);
     }
     history.keep_descent(&KeptDescent { state: descent.state.clone(), went_softly })?;
+    if let Some(what) = newly_broken(start, &descent.best).map(Constraint::to_string) {
+        // In a call that goes on, no lens of this call may keep them; the best of the history does.
+        let known = match buildable {
+            None if history.best().is_some() => of_history(problem, history, context)?,
+            known => known,
+        };
+        match known {
+            Some(OnTheWay { best, at, iteration }) => {
+                context.note(format!(
+                    "the descent goes on to lenses that break a limit of building which the start keeps ({what}): the best lens is the last one that keeps it"
+                ));
+                if descent.stop != Stop::Interrupted && history.is_better(&best, 0.0) {
+                    add(problem, history, &clock, iteration, &best, &at, context)?;
+                }
+                descent = Descent { best, at, ..descent };
+            }
+            None => context.note(format!("no lens on the way keeps what the start keeps: {what}")),
+        }
+    }
     if descent.stop == Stop::Interrupted {
         // No step of the history: without the interruption there would be none.
         history.keep_best(problem, &descent.best)?;
@@ -133,7 +160,10 @@ pub(super) fn descent(
                 !context.is_cancelled()
             };
             let other = way(&on, &options, &mut watch).ok().filter(|d| d.stop != Stop::Interrupted);
-            descent = other.filter(|d| d.best.merit < WORTH_IT * descent.best.merit).unwrap_or(descent);
+            let counts = |d: &Descent| {
+                d.best.merit < WORTH_IT * descent.best.merit && newly_broken(start, &d.best).is_none()
+            };
+            descent = other.filter(counts).unwrap_or(descent);
         }
     }
     // The last lens counts, however little it gained.
@@ -143,6 +173,13 @@ pub(super) fn descent(
     went_softly |= goes_softly && !context.is_cancelled();
     history.keep_descent(&KeptDescent { state: descent.state.clone(), went_softly })?;
     Ok(noted(descent, context))
+}
+
+/// The best lens of the history under the problem; `None` if its rays are lost.
+fn of_history(problem: &Problem, history: &History, context: &Context) -> Result<Option<OnTheWay>> {
+    let best = context.assets.import(&path_text(&history.best_lens())?)?.file.lens;
+    let lens = Lens { entrance_pupil_mm: problem.base.entrance_pupil_mm, ..best };
+    Ok(OnTheWay::of_file(problem, lens))
 }
 
 /// Adds a step to the history, and says so.

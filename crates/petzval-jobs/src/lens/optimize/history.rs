@@ -97,7 +97,7 @@ pub struct Step {
     pub mean_rms_um: f64,
     /// RMS spot of each field, um.
     pub rms_um: Vec<f64>,
-    /// Limits that are violated, and by how much, mm.
+    /// Limits that are violated, and by how much, mm: edges at the clear semi-diameters of its file.
     pub violations: Vec<(String, f64)>,
     /// Coordinates of the lens.
     pub at: Vec<f64>,
@@ -303,6 +303,7 @@ impl History {
         let step = self.steps.len();
         let named = problem.glasses.iter().zip(glasses);
         let names = named.map(|(choice, i)| choice.candidates[*i].name.clone());
+        let violations = analysis.violations_at_written_edges(&found.lens);
         let lens = write_lens(&found);
         self.write(&lens_name(step), &lens)?;
         self.write(BEST, &lens)?;
@@ -312,7 +313,7 @@ impl History {
             merit_um: analysis.merit.sqrt(),
             mean_rms_um: analysis.mean_rms_um(),
             rms_um: analysis.rms_um.clone(),
-            violations: analysis.violations.iter().map(|(what, v)| (what.to_string(), *v)).collect(),
+            violations: violations.into_iter().map(|(what, mm)| (what.to_string(), mm)).collect(),
             at: at.to_vec(),
             glasses: names.collect(),
             round,

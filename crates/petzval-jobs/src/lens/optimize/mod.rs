@@ -1,5 +1,6 @@
 //! `lens optimize`: a better lens, by descent or by search, for its spots or for the restoration of its frames.
 
+mod buildable;
 mod descent;
 mod figures;
 mod goal;
@@ -141,9 +142,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         note_violations(&problem, start, context);
     }
     let best = if config.global {
-        search(&problem, &mut history, &config, upto.rounds, request, context)?
+        search(&problem, start.as_ref(), &mut history, &config, upto.rounds, request, context)?
     } else {
-        Some(descent(&problem, start.as_ref().map(|start| &start.lens), &mut history, upto, context)?)
+        Some(descent(&problem, start.as_ref(), &mut history, upto, context)?)
     };
     let Some(best) = best else {
         return Err(JobError::failed(

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use petzval_optics::design_space::{DesignSpaceError, Solves};
 use petzval_optics::lens::Lens;
 use petzval_optics::merit::SpotResiduals;
-use petzval_optics::optimize::{Analysis, LevenbergOptions, Problem, descend};
+use petzval_optics::optimize::{Analysis, Descent, LevenbergOptions, Problem, descend};
 use petzval_optics::pupil::PupilSampling;
 
 use super::figures::{VIOLATED_MM, is_restored, violation_in_words};
@@ -66,6 +66,13 @@ pub(super) fn not_optimisable(error: &DesignSpaceError) -> JobError {
 pub(super) fn with_more_rays(problem: &Problem, lens: &Lens) -> Option<Analysis> {
     let only_image_plane = Problem { base: lens.clone(), ..only_image_plane(problem) };
     descend(&only_image_plane, &LevenbergOptions::default(), &mut |_, _, _| true).ok().map(|d| d.best)
+}
+
+/// A lens as it is, under a problem; `None` if its rays are lost.
+pub(super) fn with_this_lens(problem: &Problem, lens: Lens) -> Option<Descent> {
+    let there = Problem { base: lens, ..problem.clone() };
+    let as_it_is = LevenbergOptions { iterations: 0, ..LevenbergOptions::default() };
+    descend(&there, &as_it_is, &mut |_, _, _| true).ok()
 }
 
 /// The problem with more rays, in which the image plane alone moves.

@@ -6,15 +6,17 @@ use petzval_design::path_text::path_text;
 use petzval_optics::design_space::DesignSpaceError;
 use petzval_optics::optimize::{Analysis, Found, Kept, Problem, Search, SearchOptions, SearchState};
 
+use super::buildable::newly_broken;
 use super::history::{Config, History, KeptSearch};
 use super::progress::{Clock, KEEP_EVERY, STEP_SHARE, line, not_optimisable, with_more_rays};
 use super::request::Request;
 use crate::context::Context;
 use crate::error::Result;
 
-/// A global search.
+/// A global search. No lens counts that breaks an edge or a gap which the lens at the start keeps.
 pub(super) fn search(
     problem: &Problem,
+    start: Option<&Analysis>,
     history: &mut History,
     config: &Config,
     rounds: u64,
@@ -41,7 +43,8 @@ pub(super) fn search(
         // Trace more rays through a better lens than the search did: their merit decides.
         if let Some(found) = search.best().filter(|found| found.analysis.merit < examined) {
             examined = found.analysis.merit;
-            if let Some(fine) = with_more_rays(problem, &found.analysis.lens) {
+            let fine = with_more_rays(problem, &found.analysis.lens);
+            if let Some(fine) = fine.filter(|fine| newly_broken(start, fine).is_none()) {
                 if history.is_better(&fine, STEP_SHARE) {
                     let (round, seconds) = (search.progress().0, clock.seconds());
                     context.note(line(&format!("round {round}"), seconds, problem, &fine));

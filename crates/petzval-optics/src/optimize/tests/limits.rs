@@ -152,6 +152,22 @@ fn clear_diameters_are_limited_as_they_are_written() {
     assert!(excess_mm(&analysis.violations_as_written(&on_axis, &written)) > 6.0);
 }
 
+/// Gaps are stated as the file has them: beside the stop, which has no mount, the descent measures further out.
+#[test]
+fn gaps_are_stated_at_the_edges_of_the_file() {
+    let limits = Limits { air_gap_mm: Some(5.0), ..Limits::default() };
+    let base = nominal_triplet();
+    let problem = Problem { limits, ..Problem::new(base.clone()) };
+    let analysis = analyse(&problem, base, None).unwrap();
+    let written = analysis.fitted_lens(&problem);
+    let beside_stop = Constraint::AirEdge { surface: 4, least_mm: 5.0 };
+    let of = |found: &[(Constraint, f64)]| found.iter().find(|(what, _)| *what == beside_stop).unwrap().1;
+    let at_edge = beside_stop.excess_mm(&written, &SemiDiameters(&written)).unwrap();
+    assert!((of(&analysis.violations) - at_edge).abs() > 1e-4, "the stop has no mount in the file");
+    assert_eq!(of(&analysis.violations_at_written_edges(&written)), at_edge);
+    assert_eq!(of(&analysis.violations_as_written(&problem, &written)), at_edge);
+}
+
 /// Further constraints are kept at the clear radii that the lens has.
 #[test]
 fn further_constraints_are_kept_at_drawn_apertures() {
