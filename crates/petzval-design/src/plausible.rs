@@ -4,12 +4,14 @@
 use std::path::Path;
 
 use petzval_base::{FileError, pasted};
+use petzval_camera::isp::{FrameData, HardwareIsp};
 use petzval_camera::sensor::Colour;
 use petzval_optics::number::Number;
 use petzval_optics::paraxial::{first_order, image_brightness};
 use petzval_optics::solve::magnification;
 
 use crate::assets::Text;
+use crate::camera::Chip;
 use crate::error::{DesignError, Result};
 use crate::experiment::{BlockName, FieldOfView, Variant};
 use crate::setup::Setup;
@@ -21,6 +23,7 @@ const LIKE_FOR_LIKE: f64 = 0.01;
 pub fn check(setup: &Setup, source: &Text) -> Result<Vec<String>> {
     setup.windows()?.check_sensor(&setup.experiment, &setup.body.sensor)?;
     let mut warnings = check_exposure(setup, source)?;
+    warnings.extend(clipped_coefficients(setup)?);
     warnings.extend(brighter_lenses(setup));
     warnings.extend(drifting_lenses(setup));
     warnings.extend(usual_variables(setup));
@@ -55,6 +58,15 @@ fn check_exposure(setup: &Setup, source: &Text) -> Result<Vec<String>> {
         )
     };
     Ok(clipped.map(warning).collect())
+}
+
+/// Coefficients that the registers of the built-in ISP cut off at the start.
+fn clipped_coefficients(setup: &Setup) -> Result<Vec<String>> {
+    let body = &setup.body;
+    let Some(settings) = body.chip.as_ref().and_then(Chip::settings) else { return Ok(Vec::new()) };
+    let about = FrameData::of_sensor(&body.sensor, &body.exposure)?;
+    let clipped = HardwareIsp { settings: settings.clone() }.clipped(&about);
+    Ok(clipped.iter().map(|clipped| format!("the ISP at the start: its {clipped}")).collect())
 }
 
 /// Lenses behind which white clips because they gather more light in the same time than the one for which the exposure is stated.

@@ -54,6 +54,17 @@ impl Format {
         (value * f64::from(self.one())).round().clamp(self.min.into(), self.max.into()) as i32
     }
 
+    /// The nearest value that fits.
+    pub fn nearest(self, value: f64) -> f64 {
+        self.value(self.of(value))
+    }
+
+    /// Whether a value lies so far beyond the range that more than a step of it is cut off.
+    pub fn cuts(self, value: f64) -> bool {
+        let whole = value * f64::from(self.one());
+        whole < f64::from(self.min) - 1.0 || whole > f64::from(self.max) + 1.0
+    }
+
     /// Cuts off what does not fit.
     #[inline(always)]
     pub fn clamp(self, value: i32) -> i32 {

@@ -2,6 +2,7 @@
 
 mod auto_balance;
 mod auto_exposure;
+mod clipped;
 mod dewarp_map;
 mod error;
 mod fine_mesh;
@@ -25,6 +26,7 @@ mod ycbcr_output;
 
 pub use auto_balance::{BalanceGains, BalanceMethod, BalanceOptions, auto_balance};
 pub use auto_exposure::{ExposureOptions, auto_exposure_ev, finished_exposure_ev};
+pub use clipped::Clipped;
 pub use dewarp_map::DewarpMap;
 pub use error::IspError;
 pub use hardware::HardwareIsp;

@@ -115,6 +115,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let frame = &taken.frame;
 
     let values = isp.values(frame.about.gain_ev)?;
+    for clipped in isp.clipped(&frame.about, &values).map_err(DesignError::from)? {
+        context.warning(WarningKind::RawFrame, format!("the chart: its {clipped}"));
+    }
     let picture = isp.isp().develop(frame, &values).map_err(DesignError::from)?;
 
     // An ISP that keeps some of the distortion shows the chart where the lens brings it.

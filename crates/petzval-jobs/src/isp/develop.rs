@@ -12,7 +12,9 @@ use petzval_report::isp_strip::{Strip, StripParameter, StripStep, page};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::frame::{Frame, FrameOptions, Merge, Source, noted_frames, read_merged, read_one};
+use super::frame::{
+    Frame, FrameOptions, Merge, Source, noted_frames, read_merged, read_one, warn_of_clipped,
+};
 use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, Result, make_folder, write_file};
@@ -234,6 +236,7 @@ fn develop(
         let frame = read(request, raws, &noted)?;
         frame.note_turn(raw, &noted);
         let values = named.values(frame.input.about.gain_ev)?;
+        warn_of_clipped((named, &values), &frame.input, raw, &noted)?;
         let start = Instant::now();
         let picture = named.isp().develop(&frame.input, &values).map_err(about_frame(raw))?;
         let picture = frame.turned(picture);

@@ -19,7 +19,7 @@ use crate::context::Context;
 use crate::error::{JobError, Result};
 use crate::event::WarningKind;
 use crate::input::SensorInput;
-use crate::named_isp::about_frame;
+use crate::named_isp::{NamedIsp, about_frame};
 use crate::noted::Noted;
 use crate::pile::pile_below;
 use crate::pixels::check_numbers;
@@ -569,6 +569,19 @@ fn warn_of_black(dn: &[u32], about: &FrameData, path: &Path, noted: &Noted<'_>) 
             about.black_dn
         ));
     }
+}
+
+/// Warns of coefficients of a frame that the registers of an ISP cut off at these values of its parameters.
+pub(super) fn warn_of_clipped(
+    (isp, values): (&NamedIsp, &[f64]),
+    frame: &RawInput,
+    path: &Path,
+    noted: &Noted<'_>,
+) -> Result<()> {
+    for clipped in isp.clipped(&frame.about, values).map_err(about_frame(path))? {
+        noted.warning(path.display(), WarningKind::RawFrame, format!("its {clipped}"));
+    }
+    Ok(())
 }
 
 /// Replaces a coarse mesh of shading by a smooth one through its nodes, and says how much that changes.

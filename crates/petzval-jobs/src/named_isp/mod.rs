@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 use petzval_base::Cancel;
 use petzval_camera::isp::{
-    GainKnot, HardwareIsp, Isp, IspError, IspParameter, IspPreset, IspSettings, RawInput, RgbPicture,
-    check_values,
+    Clipped, FrameData, GainKnot, HardwareIsp, Isp, IspError, IspParameter, IspPreset, IspSettings, RawInput,
+    RgbPicture, check_values,
 };
 use petzval_design::assets::{Assets, OutsideIsp};
 use petzval_design::error::DesignError;
@@ -243,6 +243,14 @@ impl NamedIsp {
         };
         steps.push(("output".to_owned(), last));
         Ok(steps)
+    }
+
+    /// The coefficients that the registers of the built-in ISP cut off at these values, if a frame has this calibration. Other ISPs do
+    /// not show theirs.
+    pub fn clipped(&self, about: &FrameData, values: &[f64]) -> Result<Vec<Clipped>, IspError> {
+        let Kind::BuiltIn { isp, .. } = &self.kind else { return Ok(Vec::new()) };
+        let settings = isp.settings.with_values(values)?;
+        Ok(HardwareIsp { settings }.clipped(about))
     }
 
     /// How long each stage of the built-in ISP takes on a frame, s: medians of some runs. Other ISPs have no stages.

@@ -9,16 +9,20 @@ use petzval_camera::spectral::Matrix3;
 use petzval_design::error::DesignError;
 
 use super::rig::Rig;
+use super::shot::Warnings;
 use crate::error::Result;
+use crate::event::WarningKind;
 use crate::named_isp::NamedIsp;
 
 /// Nodes along a side of the calibrated meshes.
 pub const MESH: usize = 33;
 
-/// The picture.
-pub fn picture(isp: &NamedIsp, frame: &RawInput) -> Result<RgbPicture> {
+/// The picture, and warnings of coefficients that the registers of the ISP cut off.
+pub fn picture(isp: &NamedIsp, frame: &RawInput) -> Result<(RgbPicture, Warnings)> {
     let values = isp.values(frame.about.gain_ev)?;
-    Ok(isp.isp().develop(frame, &values).map_err(DesignError::from)?)
+    let clipped = isp.clipped(&frame.about, &values).map_err(DesignError::from)?;
+    let warnings = clipped.iter().map(|clipped| (WarningKind::RawFrame, format!("its {clipped}"))).collect();
+    Ok((isp.isp().develop(frame, &values).map_err(DesignError::from)?, warnings))
 }
 
 /// A raw frame, taken where the lens leaves `illumination`, as the image signal processor receives it.

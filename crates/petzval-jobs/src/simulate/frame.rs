@@ -16,9 +16,10 @@ use super::highlights::Saturation;
 use super::output::{self, Facts};
 use super::request::{PictureAs, RawAs, Request};
 use super::rig::{CHIP_BITS, Rig};
-use super::shot::Taken;
+use super::shot::{Taken, Warnings};
 use crate::context::Context;
 use crate::error::{JobError, Result, make_folder};
+use crate::event::WarningKind;
 use crate::results::check_folder;
 
 /// A frame of a simulated camera as values: what `simulate` keeps as files.
@@ -43,32 +44,44 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// A frame that a camera of the rig took, and a warning if many of its pixels are saturated.
+    /// A frame that a camera of the rig took, with warnings if many of its pixels are saturated, and of an ISP whose registers cut off what
+    /// develops it.
     pub(super) fn of(
         request: &Request,
         rig: &Rig,
         body: &Body,
         name: &str,
         taken: Taken,
-    ) -> Result<(Self, Option<String>)> {
+    ) -> Result<(Self, Warnings)> {
         let (sensor, white_e) = (body.sensor.clone(), body.exposure.white_e);
         let saturation = Saturation::of(request, &sensor, white_e, saturated_share(&taken.raw, &sensor))?;
-        let warning = saturation.warning(request, &sensor, white_e);
+        let saturated = saturation.warning(request, &sensor, white_e);
+        let mut warnings: Warnings =
+            saturated.into_iter().map(|text| (WarningKind::Saturation, text)).collect();
         // ISPs take frames of a Bayer array.
         let input = || chip::frame(rig, &sensor, taken.for_chip(), body.isp.colour_matrix);
         let input = sensor.cfa.is_bayer().then(input).transpose()?;
-        let by_isp = rig.chip.as_ref().zip(input.as_ref()).map(|(isp, frame)| chip::picture(isp, frame));
+        let by_isp = rig
+            .chip
+            .as_ref()
+            .zip(input.as_ref())
+            .map(|(isp, frame)| chip::picture(isp, frame))
+            .transpose()?;
+        let by_isp = by_isp.map(|(picture, clipped)| {
+            warnings.extend(clipped);
+            picture
+        });
         let frame = Self {
             name: name.to_owned(),
             white_e,
             display_white: saturation.display_white(),
             saturated_share: saturation.share,
             calibration: input.as_ref().map(|frame| FrameCalibration::of(&frame.about)),
-            by_isp: by_isp.transpose()?,
+            by_isp,
             taken,
             sensor,
         };
-        Ok((frame, warning))
+        Ok((frame, warnings))
     }
 
     /// The raw frame in whole digital numbers, with sensor and exposure: what `isp develop` takes.

@@ -51,9 +51,9 @@ pub fn frames_of(request: &Request, memory: InMemory<'_>, context: &Context) -> 
     memory.check(request)?;
     let mut frames = Vec::new();
     take(request, memory, context, &mut |rig, body, name, taken| {
-        let (frame, warning) = Frame::of(request, rig, body, name, taken)?;
+        let (frame, warnings) = Frame::of(request, rig, body, name, taken)?;
         frames.push(frame);
-        Ok((Facts::new(), warning))
+        Ok((Facts::new(), warnings))
     })?;
     Ok(frames)
 }
@@ -77,8 +77,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let written = names.iter().flat_map(|name| output::names(formats, name, request.isp.is_some()));
     check_folder(&request.out, written, context)?;
     let images = take(request, InMemory::default(), context, &mut |rig, body, name, taken| {
-        let (frame, warning) = Frame::of(request, rig, body, name, taken)?;
-        Ok((frame.write(formats, &request.out, context)?, warning))
+        let (frame, warnings) = Frame::of(request, rig, body, name, taken)?;
+        Ok((frame.write(formats, &request.out, context)?, warnings))
     })?;
     Ok(Response { images })
 }

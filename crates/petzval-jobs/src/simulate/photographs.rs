@@ -87,9 +87,9 @@ impl Photographer {
         memory.check(request)?;
         let mut frames = Vec::new();
         self.take(request, &photos(request, memory, context)?, context, &mut |rig, body, name, taken| {
-            let (frame, warning) = Frame::of(request, rig, body, name, taken)?;
+            let (frame, warnings) = Frame::of(request, rig, body, name, taken)?;
             frames.push(frame);
-            Ok((Facts::new(), warning))
+            Ok((Facts::new(), warnings))
         })?;
         Ok(frames)
     }
@@ -113,8 +113,8 @@ impl Photographer {
             }
             let picture = placed(request, photo, rig.frame);
             let taken = self.taken(request, &picture, frame as u64, context.cancel())?;
-            let (facts, warning) = each(rig, taker.body(), name, taken)?;
-            warning.into_iter().for_each(|warning| noted.warning(name, WarningKind::Saturation, warning));
+            let (facts, warnings) = each(rig, taker.body(), name, taken)?;
+            warnings.into_iter().for_each(|(kind, text)| noted.warning(name, kind, text));
             written.push(facts);
         }
         context.progress(photos.len() as u64, photos.len() as u64, "");

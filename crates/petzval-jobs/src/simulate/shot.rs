@@ -13,6 +13,7 @@ use super::patchwise::Patchwise;
 use super::request::Request;
 use super::rig::{Rig, Turned};
 use crate::error::Result;
+use crate::event::WarningKind;
 
 /// Rows above and below a strip that are exposed and developed with it. No demosaicing reads as far; it is a multiple of every filter array.
 const SURROUND_ROWS: usize = 32;
@@ -43,8 +44,11 @@ pub struct Taken {
     pub illumination: LinearImage,
 }
 
-/// What happens to each frame: called with what took it and with the name of its image, returns facts about it and a warning.
-pub type Each<'a> = dyn FnMut(&Rig, &Body, &str, Taken) -> Result<(Facts, Option<String>)> + 'a;
+/// Warnings of a frame.
+pub type Warnings = Vec<(WarningKind, String)>;
+
+/// What happens to each frame: called with what took it and with the name of its image, returns facts about it and warnings.
+pub type Each<'a> = dyn FnMut(&Rig, &Body, &str, Taken) -> Result<(Facts, Warnings)> + 'a;
 
 impl Taken {
     /// The first frame of a camera's shots, copied from the device. Its picture is the restored one where the camera restores.

@@ -77,8 +77,8 @@ pub fn run(
         let electrons = electrons(request, (&rig, &turned), &conditions, light, &opened, &name, context)
             .map_err(|error| named(path, error))?;
         let (camera, taken) = take(request, (&rig, &turned), light, &electrons, frame)?;
-        let (mut facts, warning) = each(&rig, camera.body(), &name, taken)?;
-        warning.into_iter().for_each(|warning| noted.warning(&name, WarningKind::Saturation, warning));
+        let (mut facts, warnings) = each(&rig, camera.body(), &name, taken)?;
+        warnings.into_iter().for_each(|(kind, text)| noted.warning(&name, kind, text));
         facts.extend(light.facts(request, &conditions));
         written.push(facts);
         let note = light.says(request, &conditions);

@@ -541,7 +541,9 @@ fn by_isp(
     isp.set(set)?;
     let mut frame = RawInput::from_raw(raw, sensor).map_err(DesignError::from)?;
     frame.about.shading = Some(Mesh::of_picture(illumination, MESH, MESH));
-    let encoded = picture(&isp, &frame)?.encoded();
+    let (developed, warnings) = picture(&isp, &frame)?;
+    warnings.into_iter().for_each(|(kind, text)| context.warning(kind, format!("{name}: {text}")));
+    let encoded = developed.encoded();
     let pixels = encoded.len() / CHANNELS;
     let byte = |i: usize| (255.0 * encoded[i]).round() as u8;
     Ok((0..pixels).flat_map(|i| [byte(i), byte(pixels + i), byte(2 * pixels + i)]).collect())

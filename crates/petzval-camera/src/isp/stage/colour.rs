@@ -27,7 +27,7 @@ const PLACES: [(usize, usize); 6] = [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2,
 
 impl Colours {
     /// The whole matrix.
-    fn matrix(&self, calibrated: Option<Matrix3>) -> Matrix3 {
+    pub fn matrix(&self, calibrated: Option<Matrix3>) -> Matrix3 {
         let mut mixed = calibrated.unwrap_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
         for ((row, col), change) in PLACES.into_iter().zip(self.mixing) {
             mixed[row][col] += change;

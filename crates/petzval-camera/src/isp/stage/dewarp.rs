@@ -25,6 +25,9 @@ petzval_base::parameters! {
 /// Bits behind the point of places between pixels, and of displacements.
 const PLACE_BITS: u32 = 5;
 
+/// Range of a displacement, [`PLACE_BITS`] behind the point: 16 bits with sign.
+const DISPLACEMENT: [f64; 2] = [-32768.0, 32767.0];
+
 /// Bits behind the point of the weights of the four pixels.
 const WEIGHT_BITS: u32 = 8;
 
@@ -41,13 +44,20 @@ fn slopes(t: f64) -> [f64; 4] {
 }
 
 impl Dewarp {
+    /// The largest displacement of a mesh by rows or by columns, and the largest that the stage holds, pixels.
+    pub fn furthest_px(&self, mesh: Option<&Mesh>) -> (f64, f64) {
+        let values = mesh.into_iter().flat_map(|mesh| &mesh.planes).flatten();
+        let furthest = values.fold(0.0_f64, |most, v| most.max(f64::from(v.abs())));
+        (self.strength * furthest, -DISPLACEMENT[0] / f64::from(1 << PLACE_BITS))
+    }
+
     /// Encoded values of the three colours.
     pub fn fixed(&self, rgb: [Grid<i16>; 3], mesh: Option<&Mesh>) -> [Grid<i16>; 3] {
         let Some(mesh) = mesh.filter(|_| self.strength > 0.0) else { return rgb };
         let (height, width) = (rgb[0].height, rgb[0].width);
         let (rows, cols) = (Axis::corners(height, mesh.rows), Axis::corners(width, mesh.cols));
         let scale = self.strength * f64::from(1 << PLACE_BITS);
-        let whole = |v: &f32| (f64::from(*v) * scale).round().clamp(-32768.0, 32767.0) as i32;
+        let whole = |v: &f32| (f64::from(*v) * scale).round().clamp(DISPLACEMENT[0], DISPLACEMENT[1]) as i32;
         let nodes = [0, 1].map(|k: usize| mesh.planes[k].iter().map(whole).collect::<Vec<i32>>());
         // Weights of every place between two pixels; they add up to exactly 1.
         let table: Vec<[i32; 4]> = (0..1 << PLACE_BITS)

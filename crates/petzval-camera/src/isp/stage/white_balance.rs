@@ -20,10 +20,15 @@ petzval_base::parameters! {
 }
 
 impl WhiteBalance {
+    /// Gains of red, green, blue.
+    pub fn gains(&self, about: &FrameData) -> [f64; 3] {
+        let gains = [self.red, 1.0, self.blue];
+        std::array::from_fn(|c| gains[c] / about.response[c])
+    }
+
     /// Gains of red, green, blue, [`GAIN`].
     pub fn registers(&self, about: &FrameData) -> [i32; 3] {
-        let gains = [self.red, 1.0, self.blue];
-        std::array::from_fn(|c| GAIN.of(gains[c] / about.response[c]))
+        self.gains(about).map(|gain| GAIN.of(gain))
     }
 
     /// The gain of every pixel of a mosaic on the tape.

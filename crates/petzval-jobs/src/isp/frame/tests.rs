@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::*;
 use crate::event::Lines;
+use crate::isp::develop::{Request, pictures_of};
 
 fn frame() -> RawFrame<u32> {
     let info = RawInfo {
@@ -225,4 +226,28 @@ fn a_calibration_counts_before_the_sensor_that_a_call_names() {
     let (both, said) = read_with(NOISE, name);
     assert_eq!((both.response, both.noise), (sensor.response, NoiseProfile { shot: 1e-3, read: 1e-5 }));
     assert!(said.iter().any(|line| line.contains("counts before --sensor, in noise;")), "{said:?}");
+}
+
+#[test]
+fn a_calibration_beyond_the_registers_of_the_isp_is_warned_of_once_for_many_frames() {
+    let matrix = "colour_matrix = [[8.5, -3.75, -3.75], [-3.75, 8.5, -3.75], [-3.75, -3.75, 8.5]]\n";
+    let (frame, context_of) =
+        (frame(), |lines: &Arc<Lines>| Context::new(crate::built_in_assets(), lines.clone()));
+    let said = |calibration: &str| {
+        let calibration = FrameCalibration::from_toml(calibration).unwrap();
+        let raws =
+            ["a", "b"].map(|name| RawInMemory { name, frame: &frame, calibration: Some(&calibration) });
+        let lines = Arc::new(Lines::default());
+        pictures_of(&Request::default(), &raws, &context_of(&lines)).unwrap();
+        std::mem::take(&mut *lines.0.lock().unwrap())
+    };
+    let beyond = said(&format!("{matrix}response = [0.02, 1.0, 0.7]\n{NOISE}"));
+    for wanted in [
+        "warning: a and 1 other frame: its colour matrix has 8.50 at row",
+        "warning: a and 1 other frame: its white balance multiplies red by 50.00",
+    ] {
+        assert_eq!(beyond.iter().filter(|line| line.starts_with(wanted)).count(), 1, "{wanted}: {beyond:?}");
+    }
+    let within = said(&format!("{}{RESPONSE}{NOISE}", matrix.replace("8.5", "7.5").replace("3.75", "3.25")));
+    assert!(within.iter().all(|line| !line.contains("registers")), "{within:?}");
 }

@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 
 use self::cases::{Case, cases, fingerprint};
 use self::folder::{Checkpoint, TuneFolder};
-use super::frame::{Source, noted_frames, read_frame, read_one};
+use super::frame::{Source, noted_frames, read_frame, read_one, warn_of_clipped};
 use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, Result, Stopped};
@@ -338,6 +338,7 @@ impl Tuner<'_> {
         for case in &self.cases {
             let frame = read_one(Source::File(&case.raw), &self.plan.frame, &frames)?;
             frame.note_turn(&case.raw, &frames);
+            warn_of_clipped((&self.named, &self.base), &frame.input, &case.raw, &frames)?;
             if frame.orientation.is_none()
                 && is_picture_turned(&case.reference).map_err(DesignError::Image)?
             {
