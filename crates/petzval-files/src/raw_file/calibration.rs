@@ -175,6 +175,21 @@ mod tests {
             ),
             ("black_dn = 119.0001", "black_dn = -1.0", "`black_dn = -1.0`: must be a number of 0 or more"),
             ("response = [0.5", "response = [0.0", "red is 0, and must lie between 0.01 and 100"),
+            (
+                "response = [0.5, 1.0, 0.6666666666666666]",
+                "response = [50.0, 100.0, 70.0]",
+                "green is 100, and must be 1: relative to green they are [0.5000, 1.0, 0.7000]; are they in percent?",
+            ),
+            (
+                "[[1.5, -0.5, 0.0]",
+                "[[0.0, 0.0, 0.0]",
+                "`colour_matrix`: row 1 has the sum 0: the red of white becomes",
+            ),
+            (
+                "[0.0, 1.0, 0.0]",
+                "[0.0, 100.0, 0.0]",
+                "row 2 has the sum 100: the green of white becomes so many times as bright; is it in percent?",
+            ),
             ("shot = 0.0001", "shot = -0.0001", "`noise`: `shot = -0.0001` is no variance"),
             ("[1.5, -0.5, 0.0]", "[1.5, inf, 0.0]", "the number at row 1, column 2 is inf"),
             (
@@ -196,6 +211,14 @@ mod tests {
             "{}",
             fault(dark)
         );
+        let percent = dark.replace("1, 0]", "1, 1]").replace("[[1, 1, 1, 1]", "[[81.5, 100, 99, 80]");
+        let said = fault(&percent);
+        assert!(
+            said.contains("plane 1 has 81.5 at row 1, column 1, and 1 is all light; is it in percent?"),
+            "{said}"
+        );
+        let brighter = dark.replace("1, 0]", "1, 1.2]");
+        assert!(FrameCalibration::from_toml(&brighter).is_ok());
         let both = "black_dn = 3.0\n[[black_at_gain]]\nlinear_gain = 1.0\nblack_dn = 60\n";
         assert!(fault(both).contains("stands beside `black_dn = 3`"), "{}", fault(both));
     }

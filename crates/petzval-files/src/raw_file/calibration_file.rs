@@ -14,6 +14,15 @@ const MOST_BYTES: u64 = 64 << 20;
 /// Range of a response, relative to green.
 const RESPONSE: std::ops::RangeInclusive<f64> = 0.01..=100.0;
 
+/// Furthest that the response of green may lie from 1, to which the others are relative: more than rounding.
+const GREEN_MARGIN: f64 = 0.01;
+
+/// Largest relative illumination. A lens that is a little brighter beside the middle of its frame stays below it.
+const MOST_SHADE: f32 = 2.0;
+
+/// Range of what a row of a colour matrix makes of white; 1 keeps it.
+const MATRIX_WHITE: std::ops::RangeInclusive<f64> = 0.1..=10.0;
+
 /// Least light at saturation, 1 for white.
 const LEAST_SATURATION: f64 = 1e-6;
 
@@ -77,6 +86,14 @@ impl FrameCalibration {
         let response = strange.map_or(String::new(), |(value, colour)| {
             format!("{colour} is {value}, and must lie between 0.01 and 100")
         });
+        let absolute = self.response.filter(|[_, green, _]| (green - 1.0).abs() > GREEN_MARGIN);
+        let relative = absolute.map_or(String::new(), |[red, green, blue]| {
+            format!(
+                "green is {green}, and must be 1: relative to green they are [{:.4}, 1.0, {:.4}]; are they in percent?",
+                red / green,
+                blue / green
+            )
+        });
         let checks = [
             (
                 is_below(self.black_dn, 0.0),
@@ -91,6 +108,7 @@ impl FrameCalibration {
                 "give the digital number of white, above that of black",
             ),
             (strange.is_some(), "response", response, "give red, green and blue, relative to green"),
+            (absolute.is_some(), "response", relative, "divide all three by green"),
             (
                 is_below(self.saturation, LEAST_SATURATION),
                 "saturation",
@@ -121,12 +139,20 @@ impl FrameCalibration {
             )
         };
         let noise = || long("noise", self.fault_of_noise(), "give variances, 0 or more");
-        let matrix = || long("colour_matrix", self.fault_of_matrix(), "give three rows of three numbers");
+        let matrix = || {
+            long(
+                "colour_matrix",
+                self.fault_of_matrix(),
+                "give three rows of three numbers, each with a sum of about 1, so that white stays white",
+            )
+        };
         let shading = || {
             long(
                 "shading",
-                self.shading.as_ref().and_then(|mesh| fault_of_mesh(mesh, 3, f32::MIN_POSITIVE, "above 0")),
-                "give rows and cols, at least 2, and three planes of rows x cols relative illuminations above 0: red, green, blue",
+                self.shading.as_ref().and_then(|mesh| {
+                    fault_of_mesh(mesh, 3, f32::MIN_POSITIVE, "above 0").or_else(|| too_bright(mesh))
+                }),
+                "give rows and cols, at least 2, and three planes of rows x cols relative illuminations above 0, 1 where all light arrives: red, green, blue",
             )
         };
         let warp = || {
@@ -148,12 +174,22 @@ impl FrameCalibration {
 
     fn fault_of_matrix(&self) -> Option<String> {
         let matrix = self.colour_matrix?;
-        let at = matrix.iter().flatten().position(|v| !v.is_finite())?;
+        if let Some(at) = matrix.iter().flatten().position(|v| !v.is_finite()) {
+            return Some(format!(
+                "the number at row {}, column {} is {}, and must be finite",
+                at / 3 + 1,
+                at % 3 + 1,
+                matrix[at / 3][at % 3]
+            ));
+        }
+        let sums = matrix.map(|row| row.iter().sum::<f64>());
+        let row = sums.iter().position(|sum| !MATRIX_WHITE.contains(sum))?;
+        let colour = ["red", "green", "blue"][row];
+        let percent = if sums[row] > *MATRIX_WHITE.end() { "; is it in percent?" } else { "" };
         Some(format!(
-            "the number at row {}, column {} is {}, and must be finite",
-            at / 3 + 1,
-            at % 3 + 1,
-            matrix[at / 3][at % 3]
+            "row {} has the sum {}: the {colour} of white becomes so many times as bright{percent}",
+            row + 1,
+            sums[row]
         ))
     }
 }
@@ -184,6 +220,19 @@ fn fault_of_ladder(table: &[BlackAtGain], black_dn: Option<f64>) -> Option<Strin
         before = *linear_gain;
     }
     None
+}
+
+/// What is wrong with a mesh of relative illuminations that are no shares of light.
+fn too_bright(mesh: &Mesh) -> Option<String> {
+    let (plane, values) =
+        (1..).zip(&mesh.planes).find(|(_, values)| values.iter().any(|v| *v > MOST_SHADE))?;
+    let at = values.iter().position(|v| *v > MOST_SHADE)?;
+    Some(format!(
+        "plane {plane} has {} at row {}, column {}, and 1 is all light; is it in percent?",
+        values[at],
+        at / mesh.cols + 1,
+        at % mesh.cols + 1
+    ))
 }
 
 /// What is wrong with a mesh of so many planes, whose values must be finite and at least `low`: `need`, in words.
