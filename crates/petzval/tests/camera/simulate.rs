@@ -321,6 +321,37 @@ fn a_full_well_below_the_end_of_the_converter_is_the_white_level() {
 }
 
 #[test]
+fn a_sensor_beyond_the_registers_of_the_isp_or_without_range_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = std::fs::read_to_string(data("sensors/imx249-fitted.toml")).unwrap();
+    let write = |name: &str, from: &str, to: &str| {
+        assert!(text.contains(from), "{text}");
+        std::fs::write(folder.path().join(name), text.replace(from, to)).unwrap();
+    };
+    image::RgbImage::from_pixel(32, 24, image::Rgb([90; 3])).save(folder.path().join("gray.png")).unwrap();
+    let args = |sensor| {
+        ["simulate", "--force", "gray.png", "--size", "24x32", "--isp", "neutral", "--sensor", sensor]
+    };
+    write("faint.toml", "relative_qe = [0.82,", "relative_qe = [0.02,");
+    let said = run_ok(folder.path(), &args("faint.toml")).stderr;
+    assert!(said.contains("warning: gray: its white balance multiplies red by 50.00"), "{said}");
+    write("shallow.toml", "33723.0", "1.0");
+    run_fails(
+        folder.path(),
+        &args("shallow.toml"),
+        2,
+        &["shallow.toml", "`full_well_e = 1`", "raise --gain"],
+    );
+    write("high.toml", "black_level_dn = 119.0", "black_level_dn = 4095.0");
+    run_fails(
+        folder.path(),
+        &args("high.toml"),
+        2,
+        &["high.toml", "`black_level_dn = 4095` leaves no range", "lower"],
+    );
+}
+
+#[test]
 fn a_window_of_the_sensor_equals_its_part_of_a_whole_frame() {
     let folder = tempfile::tempdir().unwrap();
     let photo = data("photos/coffee.png").display().to_string();
