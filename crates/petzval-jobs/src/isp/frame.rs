@@ -65,6 +65,9 @@ const BLACK_SHARE: f64 = 0.01;
 /// Distance from a whole number below which a difference of black levels is whole, DN: levels are decimals.
 const WHOLE_DN: f64 = 1e-6;
 
+/// Difference of two black levels that is reported, as a share of the range to white.
+const BLACK_DIFFERENCE: f64 = 0.0025;
+
 /// Nodes along a side from which a mesh of shading is fine enough for straight lines between them.
 const FINE_NODES: usize = 33;
 
@@ -408,6 +411,9 @@ fn read_exposure(source: Source<'_>, options: &FrameOptions, noted: &Noted<'_>) 
         return Err(JobError::input(format!("{}: `{key} = {white_dn}`: {message}", path.display()), hint));
     }
     let range = white_dn - black_dn;
+    if calibration.black_dn.is_some() || !calibration.black_at_gain.is_empty() {
+        note_black(black_dn, range, info, path, noted);
+    }
     let saturation = |response: [f64; 3]| (full_dn - black_dn) / range / strongest(response);
     let about = match &sensor {
         Some(sensor) => {
@@ -514,6 +520,20 @@ fn note_what_counts(calibration: &FrameCalibration, path: &Path, noted: &Noted<'
             stated.join(", ")
         );
         noted.note(path.display(), text);
+    }
+}
+
+/// Says that the black level of a calibration counts where the sidecar states another. A dark current that the sidecar leaves out is less.
+fn note_black(black_dn: f64, range_dn: f64, info: &RawInfo, path: &Path, noted: &Noted<'_>) {
+    let Some(stated_dn) = info.black_level_dn else { return };
+    if (black_dn - stated_dn).abs() > BLACK_DIFFERENCE * range_dn {
+        noted.note(
+            path.display(),
+            format!(
+                "its calibration has a black level of {} DN and counts before `black_level_dn = {stated_dn}` of the sidecar; correct the wrong one",
+                (100.0 * black_dn).round() / 100.0
+            ),
+        );
     }
 }
 

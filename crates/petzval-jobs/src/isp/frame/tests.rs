@@ -229,22 +229,42 @@ fn a_calibration_counts_before_the_sensor_that_a_call_names() {
 }
 
 #[test]
+fn a_black_level_of_the_calibration_that_contradicts_the_sidecar_is_noted() {
+    let known = format!("{RESPONSE}{NOISE}");
+    let ladder = "[[black_at_gain]]\nlinear_gain = 1.0\nblack_dn = 194\n";
+    for (levels, is_noted) in [
+        (format!("black_dn = 194.0\n{known}"), true),
+        (format!("black_dn = 34.0\n{known}"), true),
+        (format!("{known}{ladder}"), true),
+        // The dark current of a simulated frame.
+        (format!("black_dn = 66.0\n{known}"), false),
+        (known.clone(), false),
+    ] {
+        let (about, said) = read_with(&levels, None);
+        let found: Vec<&String> = said.iter().filter(|line| line.contains("`black_level_dn = 64`")).collect();
+        assert_eq!(found.len(), usize::from(is_noted), "{levels}: {said:?}");
+        let wanted = format!("frame: its calibration has a black level of {} DN and counts", about.black_dn);
+        assert!(found.iter().all(|line| line.starts_with(&wanted)), "{found:?}");
+    }
+}
+
+#[test]
 fn a_calibration_beyond_the_registers_of_the_isp_is_warned_of_once_for_many_frames() {
     let matrix = "colour_matrix = [[8.5, -3.75, -3.75], [-3.75, 8.5, -3.75], [-3.75, -3.75, 8.5]]\n";
-    let (frame, context_of) =
-        (frame(), |lines: &Arc<Lines>| Context::new(crate::built_in_assets(), lines.clone()));
+    let frame = frame();
     let said = |calibration: &str| {
         let calibration = FrameCalibration::from_toml(calibration).unwrap();
         let raws =
             ["a", "b"].map(|name| RawInMemory { name, frame: &frame, calibration: Some(&calibration) });
         let lines = Arc::new(Lines::default());
-        pictures_of(&Request::default(), &raws, &context_of(&lines)).unwrap();
+        let context = Context::new(crate::built_in_assets(), lines.clone());
+        pictures_of(&Request::default(), &raws, &context).unwrap();
         std::mem::take(&mut *lines.0.lock().unwrap())
     };
     let beyond = said(&format!("{matrix}response = [0.02, 1.0, 0.7]\n{NOISE}"));
     for wanted in [
-        "warning: a and 1 other frame: its colour matrix has 8.50 at row",
-        "warning: a and 1 other frame: its white balance multiplies red by 50.00",
+        "warning: a and another frame: its colour matrix has 8.50 at row",
+        "warning: a and another frame: its white balance multiplies red by 50.00",
     ] {
         assert_eq!(beyond.iter().filter(|line| line.starts_with(wanted)).count(), 1, "{wanted}: {beyond:?}");
     }
