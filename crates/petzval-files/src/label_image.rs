@@ -3,13 +3,15 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use ::image::{ExtendedColorType, ImageFormat};
+use ::image::metadata::Orientation;
+use ::image::{DynamicImage, ExtendedColorType, ImageBuffer, ImageFormat, Luma};
 use png::{BitDepth, ColorType, Transformations};
 use tiff::decoder::{Decoder, DecodingResult};
 use tiff::tags::{PhotometricInterpretation, Tag};
 
 use crate::picture_file::{
-    CUT_OFF, ImageError, damaged, encode, format_of, head_of, is_cut_off, picture_bytes,
+    CUT_OFF, ImageError, PictureHead, animation_note, damaged, encode, format_of, head_of, is_cut_off,
+    picture_bytes, tiff_notes,
 };
 
 /// What the samples of a TIFF file mean: 0 is white.
@@ -30,24 +32,44 @@ pub struct LabelImage {
     pub width: usize,
     /// Whether the file has indices of 16 bits; those of 1 to 8 bits are read as 8.
     pub has_16_bits: bool,
-    /// The index of each pixel, row by row.
+    /// The index of each pixel, row by row, the right way up.
     pub values: Vec<u16>,
+    /// Whether EXIF or TIFF turns or mirrors the stored pixels.
+    pub is_turned: bool,
+    /// What the file holds that is not read, such as further pages; one clause each, without the name of the file.
+    pub notes: Vec<String>,
 }
 
-/// Reads the indices of a PNG or TIFF file, gray or with a palette, whose entries say nothing. They come as they are stored:
-/// no colour profile, gamma or orientation is applied. Fails on pixels that are colours, and on files of other kinds.
+/// Reads the indices of a PNG or TIFF file, gray or with a palette, whose entries say nothing. The orientation of EXIF and TIFF is obeyed, as it is
+/// for pictures. Of a file with several pages the first is read, which is noted. No colour profile or gamma is applied. Fails on
+/// pixels that are colours, and on files of other kinds.
 pub fn load_label_image(path: &Path) -> Result<LabelImage, ImageError> {
     let name = path.display().to_string();
     let mut bytes = picture_bytes(path)?;
     make_palette_gray(&mut bytes);
-    check_head(&bytes, &name)?;
+    let head = checked_head(&bytes, &name)?;
     let read = match format_of(&bytes) {
         Some(ImageFormat::Png) if is_cut_off(&bytes) => Err(CUT_OFF.to_owned()),
         Some(ImageFormat::Png) => read_png(&bytes),
         Some(ImageFormat::Tiff) => read_tiff(&bytes),
         _ => Err("it is neither a PNG nor a TIFF file".to_owned()),
     };
-    read.map_err(|reason| ImageError::NoLabels { name, reason })
+    let upright = read.and_then(|labels| turned(labels, head.orientation));
+    upright.map_err(|reason| ImageError::NoLabels { name, reason })
+}
+
+/// Labels with their pixels the right way up.
+fn turned(labels: LabelImage, orientation: Orientation) -> Result<LabelImage, String> {
+    if orientation == Orientation::NoTransforms {
+        return Ok(labels);
+    }
+    let LabelImage { height, width, values, .. } = labels;
+    let pixels = ImageBuffer::<Luma<u16>, _>::from_raw(width as u32, height as u32, values)
+        .ok_or_else(|| damaged("it has fewer pixels than its size says"))?;
+    let mut picture = DynamicImage::ImageLuma16(pixels);
+    picture.apply_orientation(orientation);
+    let (width, height) = (picture.width() as usize, picture.height() as usize);
+    Ok(LabelImage { height, width, values: picture.into_luma16().into_raw(), is_turned: true, ..labels })
 }
 
 /// An 8-bit index PNG of a map of `height` x `width` indices, row by row.
@@ -55,15 +77,15 @@ pub fn index_png_bytes(values: &[u8], height: usize, width: usize) -> Result<Vec
     encode(values, height, width, ExtendedColorType::L8, ImageFormat::Png, "PNG buffer of indices")
 }
 
-/// Refuses what is empty or takes too much memory.
-fn check_head(bytes: &[u8], name: &str) -> Result<(), ImageError> {
+/// The head of a file. Refuses what is empty or takes too much memory.
+fn checked_head(bytes: &[u8], name: &str) -> Result<PictureHead, ImageError> {
     let checked = head_of(Cursor::new(bytes), bytes.len() as u64, name).and_then(|head| head.checked(name));
     match checked {
         // The hint of a photograph names files that hold no labels.
         Err(ImageError::Decode { name, reason }) => {
             Err(ImageError::NoLabels { name, reason: format!("cannot decode it: {reason}") })
         }
-        checked => checked.map(|_| ()),
+        checked => checked,
     }
 }
 
@@ -107,6 +129,7 @@ fn read_png(bytes: &[u8]) -> Result<LabelImage, String> {
     let mut reader = decoder.read_info().map_err(undecodable)?;
     let size = reader.output_buffer_size().ok_or("it is too large")?;
     let mut samples = vec![0; size];
+    let notes = animation_note(reader.info()).into_iter().collect();
     let info = reader.next_frame(&mut samples).map_err(undecodable)?;
     if !matches!(info.color_type, ColorType::Grayscale | ColorType::Indexed) {
         return Err(format!("its pixels are colours ({:?})", info.color_type));
@@ -128,7 +151,8 @@ fn read_png(bytes: &[u8]) -> Result<LabelImage, String> {
             rows.flat_map(|row| (0..width).map(move |column| pixel(row, column))).collect()
         }
     };
-    Ok(LabelImage { height, width, has_16_bits: info.bit_depth == BitDepth::Sixteen, values })
+    let has_16_bits = info.bit_depth == BitDepth::Sixteen;
+    Ok(LabelImage { height, width, has_16_bits, values, is_turned: false, notes })
 }
 
 fn read_tiff(bytes: &[u8]) -> Result<LabelImage, String> {
@@ -149,7 +173,9 @@ fn read_tiff(bytes: &[u8]) -> Result<LabelImage, String> {
         _ => return Err(format!("its pixels are not whole numbers ({colours:?})")),
     };
     let has_16_bits = matches!(colours, tiff::ColorType::Gray(16));
-    Ok(LabelImage { height: height as usize, width: width as usize, has_16_bits, values })
+    let (height, width) = (height as usize, width as usize);
+    let notes = tiff_notes(Cursor::new(bytes));
+    Ok(LabelImage { height, width, has_16_bits, values, is_turned: false, notes })
 }
 
 #[cfg(test)]
@@ -200,14 +226,41 @@ mod tests {
         load_label_image(&path).map_err(|e| e.to_string())
     }
 
+    /// Labels of 8 bits whose file turns nothing.
+    fn upright(height: usize, width: usize, values: Vec<u16>) -> LabelImage {
+        LabelImage { height, width, has_16_bits: false, values, is_turned: false, notes: Vec::new() }
+    }
+
+    #[test]
+    fn labels_are_turned_as_pictures_are() {
+        let tiff = |orientation: u16, pages: usize| {
+            let mut bytes = Cursor::new(Vec::new());
+            {
+                let mut encoder = TiffEncoder::new(&mut bytes).unwrap();
+                for _ in 0..pages {
+                    let mut page = encoder.new_image::<Gray8>(3, 2).unwrap();
+                    page.encoder().write_tag(Tag::Orientation, orientation).unwrap();
+                    page.write_data(&[1, 2, 3, 4, 5, 6]).unwrap();
+                }
+            }
+            read("a.tif", bytes.get_ref()).unwrap()
+        };
+        assert_eq!(tiff(1, 1), upright(2, 3, vec![1, 2, 3, 4, 5, 6]));
+        let upside_down = tiff(3, 1);
+        assert_eq!((&upside_down.values[..], upside_down.is_turned), (&[6, 5, 4, 3, 2, 1][..], true));
+        // 6: the first stored row is the right column.
+        let on_its_side = tiff(6, 1);
+        assert_eq!((on_its_side.height, on_its_side.width), (3, 2));
+        assert_eq!(on_its_side.values, [4, 1, 5, 2, 6, 3]);
+        let [note] = &tiff(1, 2).notes[..] else { panic!("no note on the second page") };
+        assert!(note.contains("several pages, of which only the first is used"), "{note}");
+    }
+
     #[test]
     fn indices_of_every_kind_of_file_come_as_they_are_stored() {
         let gray =
             read("a.png", &png(ColorType::Grayscale, BitDepth::Eight, [3, 2], &[0, 1, 2, 7, 254, 255]));
-        assert_eq!(
-            gray.unwrap(),
-            LabelImage { height: 2, width: 3, has_16_bits: false, values: vec![0, 1, 2, 7, 254, 255] }
-        );
+        assert_eq!(gray.unwrap(), upright(2, 3, vec![0, 1, 2, 7, 254, 255]));
         // Entries of a palette do not count, and four bits are not scaled to eight. A row has three pixels in two bytes.
         let palette =
             read("a.png", &png(ColorType::Indexed, BitDepth::Four, [3, 2], &[0x12, 0x30, 0xf0, 0x50]));
@@ -226,7 +279,7 @@ mod tests {
         // The decoder of TIFF files reads no palettes.
         for is_little in [true, false] {
             let palette = read("a.tif", &palette_tiff([7, 200], is_little)).unwrap();
-            assert_eq!(palette, LabelImage { height: 1, width: 2, has_16_bits: false, values: vec![7, 200] });
+            assert_eq!(palette, upright(1, 2, vec![7, 200]));
         }
         // What is written is read.
         let written = index_png_bytes(&[0, 9, 255, 3], 2, 2).unwrap();

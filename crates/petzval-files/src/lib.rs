@@ -63,8 +63,8 @@ pub use picture_file::{
     load_image_bytes, picture_size, picture_statements, png_bytes, save_png, save_png16,
 };
 pub use picture_set::{
-    CheckedPictures, CheckedSize, PictureSetError, Stamp, StoredPicture, UnreadPicture, check_stored,
-    digests_of_alike, hex_digest, stored_pictures,
+    CheckedPicture, CheckedPictures, CheckedSize, FoundPictures, PictureSetError, Stamp, StoredPicture,
+    UnreadPicture, check_stored, check_stored_up_to, digests_of_alike, hex_digest, stored_pictures,
 };
 pub use quantum_efficiency::{parse_quantum_efficiency, parse_quantum_efficiency_toml};
 pub use rii::parse_rii;

@@ -41,9 +41,7 @@ pub fn png_notes(source: impl BufRead + Seek) -> Vec<String> {
     // A file that cannot be read is refused elsewhere.
     let Ok(reader) = png::Decoder::new(source).read_info() else { return notes };
     let info = reader.info();
-    if info.animation_control.is_some_and(|animation| animation.num_frames > 1) {
-        notes.push(ANIMATION.to_owned());
-    }
+    notes.extend(animation_note(info));
     if let Some(code) = info.coding_independent_code_points
         && (code.color_primaries, code.transfer_function) != (1, 13)
     {
@@ -65,6 +63,12 @@ pub fn png_notes(source: impl BufRead + Seek) -> Vec<String> {
         notes.extend(primaries_note(&xy));
     }
     notes
+}
+
+/// A note on a PNG file that is an animation.
+pub fn animation_note(info: &png::Info) -> Option<String> {
+    let is_animation = info.animation_control.is_some_and(|animation| animation.num_frames > 1);
+    is_animation.then(|| ANIMATION.to_owned())
 }
 
 /// A note on a WebP file that is an animation.

@@ -218,9 +218,34 @@ pub fn check_stored(
     remembered: &CheckedPictures,
     watch: &(dyn Fn(usize) -> Result<(), Cancelled> + Sync),
 ) -> Result<Vec<CheckedSize>, Cancelled> {
+    let (found, _) = check_stored_up_to(u64::MAX, pictures, remembered, watch)?;
+    Ok(found.into_iter().map(|found| found.map(|picture| picture.size)).collect())
+}
+
+/// What is known of a picture that can be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CheckedPicture {
+    /// Columns and rows, the right way up, px.
+    pub size: (u32, u32),
+    /// Whether EXIF or TIFF turns or mirrors the stored pixels.
+    pub is_turned: bool,
+}
+
+/// Each picture, or why it cannot be read.
+pub type FoundPictures = Vec<Result<CheckedPicture, UnreadPicture>>;
+
+/// [`check_stored`] of pictures whose light takes at most so many bytes together. Of more of them the heads alone are read. Says whether all were
+/// decoded.
+pub fn check_stored_up_to(
+    most_light_bytes: u64,
+    pictures: &[StoredPicture],
+    remembered: &CheckedPictures,
+    watch: &(dyn Fn(usize) -> Result<(), Cancelled> + Sync),
+) -> Result<(FoundPictures, bool), Cancelled> {
     let pictures: Vec<Option<StoredPicture>> = pictures.iter().cloned().map(Some).collect();
-    let (heads, _) = checked_heads(&pictures, u64::MAX, remembered, watch)?;
-    Ok(heads.into_iter().flatten().map(|head| head.map(|head| head.upright())).collect())
+    let (heads, are_decoded) = checked_heads(&pictures, most_light_bytes, remembered, watch)?;
+    let found = |head: PictureHead| CheckedPicture { size: head.upright(), is_turned: head.is_turned() };
+    Ok((heads.into_iter().flatten().map(|head| head.map(found)).collect(), are_decoded))
 }
 
 /// What a function makes of each value, on all threads; of so many at a time that they take at most [`MOST_PICTURE_BYTES`] together. Ends soon

@@ -13,7 +13,10 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 pub(crate) use checked::checked_heads;
-pub use checked::{CheckedPictures, CheckedSize, UnreadPicture, check_stored};
+pub use checked::{
+    CheckedPicture, CheckedPictures, CheckedSize, FoundPictures, UnreadPicture, check_stored,
+    check_stored_up_to,
+};
 pub use copies::digests_of_alike;
 pub use error::PictureSetError;
 pub(crate) use places::Places;
