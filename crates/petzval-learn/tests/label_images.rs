@@ -6,8 +6,8 @@ use petzval_base::Cancel;
 use petzval_camera::image::LinearImage;
 use petzval_files::{index_png_bytes, png_bytes};
 use petzval_learn::dataset::{
-    ClassMap, Classes, CropPlan, IGNORED, LabelledPictures, List, PictureWindows, Purpose, StreetPlan,
-    StreetView,
+    ClassMap, Classes, CropPlan, DatasetError, IGNORED, LabelledPictures, List, PictureWindows, Purpose,
+    StreetPlan, StreetView,
 };
 use petzval_street::{Families, Light};
 
@@ -210,6 +210,56 @@ fn labels_of_a_picture_that_exif_turns_are_said_to_be_those_of_the_turned_one() 
     let (_, notes) = load(folder.path(), Purpose::Training).unwrap();
     let [note] = &notes[..] else { panic!("{notes:?}") };
     assert!(note.contains("EXIF turns pictures/2.png; labels are taken as those of the turned"), "{note}");
+}
+
+#[test]
+fn damaged_pictures_are_left_out_and_named() {
+    let folder = folder(7);
+    let cut = |number: usize| {
+        let path = folder.path().join(format!("pictures/{number}.png"));
+        let whole = std::fs::read(&path).unwrap();
+        std::fs::write(&path, &whole[..whole.len() / 2]).unwrap();
+    };
+    cut(4);
+    let (pictures, notes) = load(folder.path(), Purpose::Training).unwrap();
+    // The fifth of those that are left is held out.
+    assert_eq!([List::Training, List::HeldOut].map(|list| pictures.count(list)), [5, 1]);
+    let [note] = &notes[..] else { panic!("{notes:?}") };
+    assert!(note.contains("1 picture is left out with its labels") && note.contains("4.png"), "{note}");
+    assert!(note.contains("cut off") && note.contains("take it out of the folder"), "{note}");
+    cut(6);
+    let (_, notes) = load(folder.path(), Purpose::Training).unwrap();
+    assert!(notes[0].contains("2 pictures are left out with their labels, the first of them"), "{notes:?}");
+    [0, 1, 2, 3, 5].into_iter().for_each(cut);
+    let error = load(folder.path(), Purpose::Training).unwrap_err();
+    assert!(error.contains("no picture is left for training: 7 pictures are left out"), "{error}");
+    // Decoding can be stopped.
+    let cancel = Cancel::default();
+    cancel.set();
+    let classes = Classes::parse(CLASSES).unwrap();
+    let purpose = Purpose::Training;
+    let stopped = LabelledPictures::load_with_label_images(folder.path(), &classes, 16, purpose, &cancel);
+    assert!(matches!(stopped, Err(DatasetError::Stopped(_))));
+}
+
+#[test]
+fn labels_are_turned_before_they_are_laid_over_their_pictures() {
+    use image::ImageEncoder;
+    let folder = folder(5);
+    // The stored rows are columns of the labels: only turned ones have the size of the picture.
+    let on_its_side = 6_u8;
+    let mut bytes = Vec::new();
+    let mut encoder = image::codecs::png::PngEncoder::new(&mut bytes);
+    let about =
+        [b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0", &[on_its_side][..], b"\0\0\0\0\0\0"].concat();
+    encoder.set_exif_metadata(about).unwrap();
+    let (height, width) = (HEIGHT as u32, WIDTH as u32);
+    encoder.write_image(&vec![9; HEIGHT * WIDTH], height, width, image::ExtendedColorType::L8).unwrap();
+    std::fs::write(folder.path().join("labels/2.png"), bytes).unwrap();
+    let (pictures, notes) = load(folder.path(), Purpose::Training).unwrap();
+    let [note] = &notes[..] else { panic!("{notes:?}") };
+    assert!(note.contains("EXIF turns labels/2.png; these labels are turned by it"), "{note}");
+    assert_eq!(pictures.label_files().len(), 5);
 }
 
 #[test]

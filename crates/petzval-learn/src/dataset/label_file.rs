@@ -27,7 +27,12 @@ pub(super) struct LabelFile {
 impl LabelFile {
     /// The class of each pixel. Fails where an index is of no class.
     pub fn read(&self) -> Result<ClassMap, DatasetError> {
-        let LabelImage { height, width, has_16_bits, values } = load_label_image(&self.path)?;
+        self.classes_of(load_label_image(&self.path)?)
+    }
+
+    /// The class of each pixel of the labels in the file. Fails where an index is of no class.
+    pub fn classes_of(&self, labels: LabelImage) -> Result<ClassMap, DatasetError> {
+        let LabelImage { height, width, has_16_bits, values, .. } = labels;
         let ignored = &IGNORED_VALUES[..1 + usize::from(has_16_bits)];
         let class = |(pixel, value): (usize, u16)| match self.of_values.get(&value) {
             _ if ignored.contains(&value) => Ok(IGNORED),

@@ -19,6 +19,7 @@ use rayon::prelude::*;
 use super::classes::{missing_claims, taken_as, truth};
 use super::crop::around;
 use super::label_file::{LabelFile, drawn_pixel};
+use super::label_images::label_name;
 use super::labelled_window::{LARGEST_SHARE, LEAST_INSIDE, crop_around, drawn_by_class, inside, off_middle};
 use super::small_pictures::SmallPictures;
 use super::{
@@ -132,12 +133,11 @@ impl LabelledPictures {
         }
         notes.extend(taken_as(data, classes));
         notes.extend(missing_claims(data, classes));
-        let reads = (!are_decoded).then(Arc::default);
-        if reads.is_some() {
+        if !are_decoded {
             let said = "pictures are read when they are needed; a damaged one stops the run then, and `petzval data check` finds it before";
             notes.push(said.to_owned());
         }
-        let mut found = Self { reads, ..Self::default() };
+        let mut found = Self::without_pictures(are_decoded);
         let mut small = SmallPictures::new(crop);
         for (image, objects) in data.images.iter().zip(&objects) {
             let size = [image.height as usize, image.width as usize];
@@ -233,6 +233,11 @@ impl LabelledPictures {
         Ok((found, loaded.defects.lines(folder).chain(notes).collect()))
     }
 
+    /// No pictures yet, for those of a folder. Where they are not decoded, their digests are those of their first reads.
+    pub(super) fn without_pictures(are_decoded: bool) -> Self {
+        Self { reads: (!are_decoded).then(Arc::default), ..Self::default() }
+    }
+
     pub(super) fn list_mut(&mut self, list: List) -> &mut Vec<LabelledPicture> {
         match list {
             List::Training => &mut self.training,
@@ -299,6 +304,13 @@ impl LabelledPictures {
     pub fn labels(&self) -> String {
         let all = [&self.training, &self.validation, &self.held_out].into_iter().flatten();
         all.map(|picture| format!("{}{}\n", picture.name, boxes_of(picture))).collect()
+    }
+
+    /// SHA-256 of every label image, hexadecimal, by its name in the folder; none where labels are boxes.
+    pub fn label_files(&self) -> BTreeMap<String, String> {
+        let all = [&self.training, &self.validation, &self.held_out].into_iter().flatten();
+        let files = all.filter_map(|picture| picture.labels.as_ref());
+        files.map(|file| (label_name(&file.path), file.digest.clone())).collect()
     }
 
     /// Number of pictures of a list.
