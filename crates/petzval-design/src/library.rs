@@ -9,7 +9,7 @@ use petzval_optics::glass::Catalog;
 use crate::assets::{Assets, ExternalIsps, Guests, Text, WarningSink};
 use crate::error::{DesignError, Result};
 use crate::experiment::{Experiment, Settings, TaskFacts, WithSettings, is_input};
-use crate::path_text::path_text;
+use crate::path_text::{path_text, without_detours};
 use crate::run::input_list::pictures_of_run;
 use crate::run::{RunFolder, RunRecord, config_text, json_record};
 use crate::task::Tasks;
@@ -173,7 +173,7 @@ impl Library {
             let path: Vec<&str> = key.iter().map(String::as_str).collect();
             let may_be_missing = may_be_missing.contains(&path[0]);
             if is_input(&key, &beside) || may_be_missing {
-                *input = path_text(&beside)?;
+                *input = path_text(&without_detours(&beside))?;
             }
             if may_be_missing {
                 continue;

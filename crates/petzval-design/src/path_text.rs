@@ -1,6 +1,6 @@
 //! Paths as text. Experiments, runs and searches keep the paths of their inputs in files of text, which is UTF-8.
 
-use std::path::Path;
+use std::path::{Component, Path, PathBuf};
 
 use crate::error::{DesignError, Result};
 
@@ -14,12 +14,46 @@ pub fn path_text(path: &Path) -> Result<String> {
     })
 }
 
+/// A path without the steps upwards that take a folder away again: `seg/a` for `runs/one/../../seg/a`. The path as it is where that would lead
+/// elsewhere, as it may behind a link.
+pub fn without_detours(path: &Path) -> PathBuf {
+    let mut plain = PathBuf::new();
+    for part in path.components() {
+        let takes_away = part == Component::ParentDir
+            && matches!(plain.components().next_back(), Some(Component::Normal(_)));
+        if takes_away {
+            plain.pop();
+        } else {
+            plain.push(part);
+        }
+    }
+    let real = |path: &Path| std::fs::canonicalize(path).ok();
+    if real(&plain).is_some_and(|place| real(path) == Some(place)) { plain } else { path.to_owned() }
+}
+
 #[cfg(all(test, unix))]
 mod tests {
     use std::ffi::OsStr;
     use std::os::unix::ffi::OsStrExt;
 
     use super::*;
+
+    #[test]
+    fn a_path_has_no_detours_unless_it_needs_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path();
+        std::fs::create_dir_all(root.join("runs/one")).unwrap();
+        std::fs::create_dir_all(root.join("seg/a")).unwrap();
+        assert_eq!(without_detours(&root.join("runs/one/../../seg/a")), root.join("seg/a"));
+        assert_eq!(without_detours(&root.join("seg/a")), root.join("seg/a"));
+        // What is not there stays as it is written.
+        let nowhere = root.join("runs/one/../../seg/b");
+        assert_eq!(without_detours(&nowhere), nowhere);
+        // Upwards from a link leads to the folder above its target.
+        std::os::unix::fs::symlink(root.join("runs/one"), root.join("link")).unwrap();
+        let behind = root.join("link/../one");
+        assert_eq!(without_detours(&behind), behind);
+    }
 
     #[test]
     fn only_a_text_that_leads_to_the_path_is_one() {

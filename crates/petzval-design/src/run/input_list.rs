@@ -42,6 +42,9 @@ pub struct Pictures {
     /// SHA-256 of all labels; none of photographs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub labels: Option<String>,
+    /// SHA-256 of each label image by its name; none where labels are boxes, and in runs of earlier versions.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub label_files: BTreeMap<String, String>,
     /// Their files.
     pub files: Vec<PictureFile>,
 }
@@ -128,10 +131,27 @@ impl Pictures {
                 .filter(|name| !then.contains_key(*name))
                 .map(|name| format!("the new picture {name}")),
         );
-        if self.labels != now.labels {
+        let labels = self.other_label_files(now);
+        if labels.is_empty() && self.labels != now.labels {
             all.push("the labels of the pictures".to_owned());
         }
+        all.extend(labels);
         all
+    }
+
+    /// The label images that are others `now`, in words; none where the run or what is there `now` has no list of them.
+    fn other_label_files(&self, now: &Self) -> Vec<String> {
+        let (then, found) = (&self.label_files, &now.label_files);
+        if then.is_empty() || found.is_empty() {
+            return Vec::new();
+        }
+        let changed = then.iter().filter_map(|(name, sha256)| match found.get(name) {
+            None => Some(format!("the label image {name}, which is missing or whose picture cannot be used")),
+            Some(other) if other != sha256 => Some(format!("the label image {name}")),
+            Some(_) => None,
+        });
+        let new = found.keys().filter(|name| !then.contains_key(*name));
+        changed.chain(new.map(|name| format!("the new label image {name}"))).collect()
     }
 }
 
@@ -206,6 +226,31 @@ mod tests {
     }
 
     #[test]
+    fn label_images_that_changed_are_named() {
+        let list = |labels: &str, files: &[(&str, &str)]| {
+            let label_files = files.iter().map(|(name, sha256)| ((*name).into(), (*sha256).into())).collect();
+            let pictures = Pictures { labels: Some(labels.into()), label_files, ..Pictures::default() };
+            InputList { pictures: Some(pictures), ..InputList::default() }
+        };
+        let then = list("1", &[("labels/a.png", "a"), ("labels/b.png", "b"), ("labels/c.png", "c")]);
+        assert!(then.differences(&then).is_empty());
+        let now = list("2", &[("labels/a.png", "a"), ("labels/b.png", "x"), ("labels/d.png", "d")]);
+        assert_eq!(
+            then.differences(&now),
+            [
+                "the label image labels/b.png",
+                "the label image labels/c.png, which is missing or whose picture cannot be used",
+                "the new label image labels/d.png"
+            ]
+        );
+        // A run of an earlier version has one digest of all labels.
+        assert_eq!(list("1", &[]).differences(&now), ["the labels of the pictures"]);
+        let text = r#"{"place": "/data", "labels": "1", "files": []}"#;
+        let old: Pictures = serde_json::from_str(text).unwrap();
+        assert!(old.label_files.is_empty() && !serde_json::to_string(&old).unwrap().contains("label_files"));
+    }
+
+    #[test]
     fn every_input_that_changed_is_named() {
         let then = InputList {
             parts: BTreeMap::from([("sensor".into(), "a".into()), ("lens of wide".into(), "b".into())]),
@@ -213,6 +258,7 @@ mod tests {
             pictures: Some(Pictures {
                 place: "/photos".into(),
                 labels: Some("boxes".into()),
+                label_files: BTreeMap::new(),
                 files: vec![file("one.png", "1", List::Training), file("two.png", "2", List::HeldOut)],
             }),
         };

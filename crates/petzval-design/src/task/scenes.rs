@@ -195,14 +195,10 @@ impl Scenes {
         })
     }
 
-    /// The pictures of a folder: their files, what identifies them with their boxes, and the boxes alone. None of streets, which follow from
-    /// the experiment and the version of the program.
-    fn pictures(&self, content: Content) -> Result<Option<(Vec<PictureFile>, String, String)>> {
-        let Source::Pictures(pictures, _) = &self.source else { return Ok(None) };
+    /// The files of the pictures of a folder, with so much of their content.
+    fn files(&self, pictures: &LabelledPictures, content: Content) -> Result<Vec<PictureFile>> {
         let are_read = content == Content::All || pictures.first_reads().is_none();
-        let files = pictures.files(are_read, &self.cancel)?;
-        let known = pictures.fingerprint(&files);
-        Ok(Some((files, known, pictures.labels())))
+        Ok(pictures.files(are_read, &self.cancel)?)
     }
 
     /// What a window of a list is called: its number from 1 on, and the picture that it is of.
@@ -484,16 +480,16 @@ impl Windows for Scenes {
         true
     }
 
-    /// Nothing of streets.
+    /// Nothing of streets, which follow from the experiment and the version of the program.
     fn inputs(&self, experiment: &Experiment, content: Content, hash: &mut Sha256) -> Result<WindowInputs> {
-        let Some((files, known, labels)) = self.pictures(content)? else {
-            return Ok(WindowInputs::default());
-        };
-        hash.update(known);
+        let Source::Pictures(pictures, _) = &self.source else { return Ok(WindowInputs::default()) };
+        let files = self.files(pictures, content)?;
+        hash.update(pictures.fingerprint(&files));
         let place = Path::new(&experiment.data);
         let place = std::fs::canonicalize(place).map_err(DesignError::io(place))?;
-        let labels = Some(hex(Sha256::new_with_prefix(labels)));
-        Ok(WindowInputs { pictures: Some(Pictures { place, labels, files }), ..WindowInputs::default() })
+        let labels = Some(hex(Sha256::new_with_prefix(pictures.labels())));
+        let pictures = Pictures { place, labels, label_files: pictures.label_files(), files };
+        Ok(WindowInputs { pictures: Some(pictures), ..WindowInputs::default() })
     }
 
     fn first_reads(&self) -> Option<&FirstReads> {

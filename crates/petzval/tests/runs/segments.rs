@@ -177,7 +177,7 @@ fn pictures_with_label_images_take_the_place_of_streets() {
     // A pixel of the square becomes one of the wall.
     changed.put_pixel(60, 40, Luma([24_001]));
     changed.save(&labels).unwrap();
-    let needles = ["not those that this run began with: the labels of the pictures"];
+    let needles = ["not those that this run began with: the label image labels/3.png"];
     run_fails(root, &["evaluate", "run"], 2, &needles);
     // A value that no class names has its file, its place and a hint.
     changed.put_pixel(40, 50, Luma([33]));

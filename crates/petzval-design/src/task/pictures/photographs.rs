@@ -117,7 +117,7 @@ impl Photographs {
             Ok(stored.transpose()?)
         };
         let files = all.par_iter().map(file).collect::<Result<Vec<_>>>()?;
-        Ok(Pictures { place, labels: None, files: files.into_iter().flatten().collect() })
+        Ok(Pictures { place, files: files.into_iter().flatten().collect(), ..Pictures::default() })
     }
 
     /// Lists the training, validation, held-out and skipped pictures, and what their files say that is not obeyed.
