@@ -133,8 +133,14 @@ fn check_classes(experiment: &Experiment, text: &str) -> Result<(), FileError> {
     }
     let counted = classes.counted().len();
     if !(2..=Segmenter::MOST_CLASSES).contains(&counted) {
-        let message = format!("{counted} classes count");
-        let hint = format!("2 to {} classes that are not ignored", Segmenter::MOST_CLASSES);
+        let most = Segmenter::MOST_CLASSES;
+        let (message, hint) = if counted < 2 {
+            let message = format!("at least two classes must count; here it is {counted}");
+            (message, "add a [[class]] that is not ignored, for the other pixels".to_owned())
+        } else {
+            let message = format!("at most {most} classes can count; here it is {counted}");
+            (message, "join some of them, or write ignored = true".to_owned())
+        };
         return wrong(0, "name", message, &hint);
     }
     Ok(())
@@ -241,7 +247,10 @@ mod tests {
         assert!(object.contains("surfaces are pedestrian, vehicle, signal, road"), "{object}");
         assert!(refused(&two(road, road)).contains("`road` is of the class `a`, too"));
         assert!(refused(&two(road, "")).contains("the class `b` takes no surface of streets"));
-        assert!(refused(&two(road, &format!("{sky}\nignored = true"))).contains("1 classes count"));
+        assert!(
+            refused(&two(road, &format!("{sky}\nignored = true")))
+                .contains("at least two classes must count; here it is 1")
+        );
         assert!(refused(&two(road, &format!("{sky}\nvalues = [255]"))).contains("255 is always ignored"));
         assert!(
             refused(&two(road, &format!("{sky}\nstate = \"red\""))).contains("is for objects with boxes")
