@@ -3,10 +3,11 @@
 //! `annotation/object` has `name`, `bndbox` (`xmin`, `ymin`, `xmax`, `ymax`: pixels counted from 1, both ends included), `difficult`, `truncated`,
 //! `occluded` and `pose`. <http://host.robots.ox.ac.uk/pascal/VOC/voc2012/htmldoc/>. Difficult objects are to be ignored.
 //!
-//! Two further forms are rotated boxes. They become the upright boxes around them. roLabelImg has `robndbox` in place of `bndbox`, with
+//! An object without a box may have an outline, `polygon` with `x1`, `y1`, `x2`, `y2` and so on, or with `pt` (`x`, `y`) as in LabelMe: the upright box
+//! around it is taken. Two further forms are rotated boxes. They become the upright boxes around them. roLabelImg has `robndbox` in place of `bndbox`, with
 //! `cx`, `cy`, `w`, `h` in pixels and `angle` in radians. CVAT has the attribute `rotation` (`attributes/attribute` with `name` and
 //! `value`): the angle in degrees by which the box is rotated about its middle. Further attributes of that kind become attributes. Parts of
-//! a person, actions, outlines and other elements are not read; they are counted.
+//! a person, actions, outlines beside a box and other elements are not read; they are counted.
 
 use std::collections::HashMap;
 use std::ffi::OsStr;
@@ -17,7 +18,7 @@ use petzval_base::Cancel;
 use super::builder::{Builder, Converted, Label};
 use super::image_sets::{IMAGE_SETS, Named, parts_of, read_lists};
 use super::tree::{Pictures, ends_with, files_below, pictures_among, split_of, xml_text};
-use super::voc_file::{Labels, Object, parse};
+use super::voc_file::{Form, Labels, Object, parse};
 use crate::coco::defect::DefectKind;
 use crate::coco::error::CocoError;
 
@@ -60,14 +61,19 @@ pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Res
             builder.stated(id, size);
         }
         unread.iter().for_each(|field| builder.unread(field));
-        for Object { class, bounds, is_rotated, is_difficult, attributes } in objects {
+        for Object { class, bounds, form, is_difficult, attributes } in objects {
             // Further out it is an overhang.
             let begins_at_zero = [bounds.x, bounds.y].iter().any(|edge| (-1.0..0.0).contains(edge));
-            if begins_at_zero && !is_rotated {
+            if begins_at_zero && form == Form::Upright {
                 builder.defects.add(DefectKind::CountedFromZero, || format!("{}: {class}", path.display()));
             }
-            if is_rotated {
-                builder.defects.add(DefectKind::RotatedBox, || format!("{}: {class}", path.display()));
+            let around = match form {
+                Form::Upright => None,
+                Form::Rotated => Some(DefectKind::RotatedBox),
+                Form::Outline => Some(DefectKind::OutlineBox),
+            };
+            if let Some(kind) = around {
+                builder.defects.add(kind, || format!("{}: {class}", path.display()));
             }
             builder.object(id, Label { ignore: is_difficult, attributes, ..Label::new(&class, bounds) });
         }

@@ -25,6 +25,9 @@ const ABOUT_FILE: [&str; 8] =
 const OF_OBJECT: [&str; 10] =
     ["name", "bndbox", "robndbox", "difficult", "truncated", "occluded", "pose", "attributes", "type", "id"];
 
+/// The element with the points of an outline.
+const OUTLINE: &str = "polygon";
+
 /// A file of labels.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Labels {
@@ -36,12 +39,22 @@ pub(super) struct Labels {
     pub unread: Vec<String>,
 }
 
+/// What the bounds of an object are in its file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Form {
+    /// An upright box.
+    Upright,
+    /// A rotated box; the bounds are those around it.
+    Rotated,
+    /// The points of an outline; the bounds are those around it.
+    Outline,
+}
+
 #[derive(Debug, PartialEq)]
 pub(super) struct Object {
     pub class: String,
     pub bounds: Bounds,
-    /// Whether the bounds are those around a rotated box.
-    pub is_rotated: bool,
+    pub form: Form,
     pub is_difficult: bool,
     pub attributes: BTreeMap<String, Attribute>,
 }
@@ -126,7 +139,7 @@ fn read_object(object: Node, unread: &mut Vec<String>) -> Result<Object, FileErr
         return Err(error(object, "the object has no `name`", "add the name of its class"));
     };
     let mut attributes = further_attributes(object, unread)?;
-    let (bounds, is_rotated) = bounds_of(object, &mut attributes)?;
+    let (bounds, form) = bounds_of(object, &mut attributes)?;
     for name in ["truncated", "occluded"] {
         if let Some(is_set) = flag(object, name)? {
             attributes.insert(name.to_owned(), Attribute::Flag(is_set));
@@ -138,15 +151,17 @@ fn read_object(object: Node, unread: &mut Vec<String>) -> Result<Object, FileErr
     }
     let is_difficult = flag(object, "difficult")?.unwrap_or(false);
     let elements = object.children().filter(Node::is_element).map(|node| node.tag_name().name());
-    unread.extend(elements.filter(|name| !OF_OBJECT.contains(name)).map(|name| format!("object/{name}")));
-    Ok(Object { class, bounds, is_rotated, is_difficult, attributes })
+    // An outline beside a box is not read.
+    let is_read = |name: &str| OF_OBJECT.contains(&name) || form == Form::Outline && name == OUTLINE;
+    unread.extend(elements.filter(|name| !is_read(name)).map(|name| format!("object/{name}")));
+    Ok(Object { class, bounds, form, is_difficult, attributes })
 }
 
-/// The bounds of an object, and whether they are those around a rotated box.
+/// The bounds of an object, and the form in which its file has them.
 fn bounds_of(
     object: Node,
     attributes: &mut BTreeMap<String, Attribute>,
-) -> Result<(Bounds, bool), FileError> {
+) -> Result<(Bounds, Form), FileError> {
     let rotation_deg = match attributes.get("rotation") {
         Some(Attribute::Number(degrees)) => *degrees,
         _ => 0.0,
@@ -161,19 +176,61 @@ fn bounds_of(
             let around = bounds.around_rotated(rotation_deg.to_radians());
             // The box around it is not rotated any more.
             attributes.remove("rotation");
-            Ok(if is_rotated { (around, true) } else { (bounds, false) })
+            Ok(if is_rotated { (around, Form::Rotated) } else { (bounds, Form::Upright) })
         }
         (None, Some(rotated)) => {
             let value = |name| number(rotated, name);
             let (width, height) = (value("w")?, value("h")?);
             let (x, y) = (value("cx")? - 0.5 * width, value("cy")? - 0.5 * height);
-            Ok((Bounds { x, y, width, height }.around_rotated(value("angle")?), true))
+            Ok((Bounds { x, y, width, height }.around_rotated(value("angle")?), Form::Rotated))
         }
-        (None, None) => Err(error(object, "the object has no `bndbox`", "add xmin, ymin, xmax and ymax")),
+        (None, None) => match child(object, OUTLINE)? {
+            Some(outline) => Ok((around_outline(outline)?, Form::Outline)),
+            None => Err(error(object, "the object has no box and no outline", FORMS)),
+        },
         (Some(_), Some(_)) => {
             Err(error(object, "the object has both `bndbox` and `robndbox`", "keep the one that is meant"))
         }
     }
+}
+
+/// What an object may have.
+const FORMS: &str = "add `bndbox` with xmin, ymin, xmax and ymax, `robndbox` with cx, cy, w, h and angle, or `polygon` with x1, y1, x2, y2 and so on";
+
+/// Fewest points of an outline.
+const LEAST_POINTS: usize = 3;
+
+/// The smallest upright box around an outline: `x1`, `y1`, `x2`, `y2` and so on in pixels, or as in LabelMe `pt` with `x` and `y` for each point.
+fn around_outline(outline: Node) -> Result<Bounds, FileError> {
+    let mut points = Vec::new();
+    let mut numbered: BTreeMap<u32, [Option<f64>; 2]> = BTreeMap::new();
+    for node in outline.children().filter(Node::is_element) {
+        let name = node.tag_name().name();
+        let axis = ['x', 'y'].iter().position(|axis| name.starts_with(*axis));
+        let place: Option<u32> = name.get(1..).and_then(|place| place.parse().ok());
+        match (axis, place) {
+            (Some(axis), Some(place)) => {
+                let value = &mut numbered.entry(place).or_default()[axis];
+                if value.replace(number_in(node, name)?).is_some() {
+                    return Err(error(node, "there are two of these", "keep one"));
+                }
+            }
+            _ if name == "pt" => points.push([number(node, "x")?, number(node, "y")?]),
+            _ => {}
+        }
+    }
+    for (place, point) in numbered {
+        let [Some(x), Some(y)] = point else {
+            let message = format!("the point {place} has no x or no y");
+            return Err(error(outline, message, "write a number of pixels for both"));
+        };
+        points.push([x, y]);
+    }
+    let bounds = Bounds::around(points.iter().copied()).filter(|_| points.len() >= LEAST_POINTS);
+    bounds.ok_or_else(|| {
+        let message = format!("an outline of {} points has no inside", points.len());
+        error(outline, message, "give three points or more: x1, y1, x2, y2 and so on, or `pt` with x and y")
+    })
 }
 
 /// The facts below `attributes`, as CVAT writes them.
@@ -252,6 +309,11 @@ fn number(node: Node, name: &'static str) -> Result<f64, FileError> {
     let Some(element) = child(node, name)? else {
         return Err(error(node, format!("`{name}` is missing"), "write a number of pixels"));
     };
+    number_in(element, name)
+}
+
+/// The number that is the text of an element of this name.
+fn number_in(element: Node, name: &str) -> Result<f64, FileError> {
     let text = all_text(element);
     text.parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| {
         let found = error(element, "this is no number", "write a number of pixels");
@@ -287,7 +349,7 @@ mod tests {
     #[test]
     fn rotated_boxes_become_those_around_them() {
         let upright = object(BOX);
-        assert_eq!((upright.bounds, upright.is_rotated), (Bounds::from([10.0, 20.0, 20.0, 10.0]), false));
+        assert_eq!((upright.bounds, upright.form), (Bounds::from([10.0, 20.0, 20.0, 10.0]), Form::Upright));
         // A quarter turn about the middle, (20, 25): 10 wide and 20 high.
         let wanted = [15.0, 15.0, 10.0, 20.0];
         let attribute = "<attributes><attribute><name>rotation</name><value>90.0</value></attribute>\
@@ -298,10 +360,36 @@ mod tests {
         );
         for found in [&of_cvat, &of_rolabelimg] {
             let close = |(a, b): (f64, f64)| (a - b).abs() < 1e-9;
-            assert!(found.is_rotated && <[f64; 4]>::from(found.bounds).into_iter().zip(wanted).all(close));
+            assert!(
+                found.form == Form::Rotated
+                    && <[f64; 4]>::from(found.bounds).into_iter().zip(wanted).all(close)
+            );
         }
         assert_eq!(of_cvat.attributes["parked"], Attribute::Flag(true));
-        assert!(!object(&format!("{BOX}{}", attribute.replace("90.0", "0.0"))).is_rotated);
+        let not_turned = object(&format!("{BOX}{}", attribute.replace("90.0", "0.0")));
+        assert_eq!(not_turned.form, Form::Upright);
+    }
+
+    #[test]
+    fn outlines_become_the_boxes_around_them() {
+        let points = "<x1>10</x1><y1>12</y1><x2>80</x2><y2>10</y2><x3>40</x3><y3>70.5</y3>";
+        let pairs = "<pt><x>10</x><y>12</y></pt><pt><x>80</x><y>10</y></pt><pt><x>40</x><y>70.5</y></pt>";
+        for outline in [points, pairs] {
+            let found = object(&format!("<polygon>{outline}</polygon>"));
+            let wanted = Bounds::from([10.0, 10.0, 70.0, 60.5]);
+            assert_eq!((found.bounds, found.form), (wanted, Form::Outline));
+            let text = file(&format!("<polygon>{outline}</polygon>"));
+            assert!(parse(&text).unwrap().unread.is_empty());
+        }
+        let nothing = wrong("");
+        assert!(nothing.contains("no box and no outline") && nothing.contains("`polygon`"), "{nothing}");
+        assert!(nothing.contains("xmin") && nothing.contains("`robndbox`"), "{nothing}");
+        let half = wrong(&format!("<polygon>{}</polygon>", points.replace("<y2>10</y2>", "")));
+        assert!(half.contains("the point 2 has no x or no y"), "{half}");
+        assert!(wrong("<polygon/>").contains("an outline of 0 points has no inside"));
+        assert!(
+            wrong(&format!("<polygon>{}</polygon>", points.replace("70.5", "far"))).contains("no number")
+        );
     }
 
     #[test]
