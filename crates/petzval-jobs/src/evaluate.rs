@@ -53,7 +53,8 @@ petzval_base::parameters! {
         /// Photographs: those of the run where they are now, or others, none of which is kept for training. `scoring.pictures` of the run limits
         /// how many are scored.
         photos: Option<PathBuf> = None;
-        /// Labelled pictures: those of the run where they are now, or others, none of which is kept for training. A folder or a file of annotations.
+        /// Labelled pictures: those of the run where they are now, or others, none of which is kept for training. A folder or a file of annotations in
+        /// COCO format, or a folder of pictures with label images.
         /// `street.held_out` of the run is the number of windows that are scored.
         data: Option<PathBuf> = None;
         /// Files or folders of the run, by their path below it, that may differ from their digests.

@@ -151,6 +151,21 @@ fn found_files(place: &Path) -> Result<Vec<PathBuf>, CocoError> {
     found.map_or_else(|| json_files(place, |_| true), Ok)
 }
 
+/// What to do with labels of pixels.
+const LABEL_IMAGES: &str =
+    "labels of pixels are checked by an experiment with their classes: `petzval design EXPERIMENT --check`";
+
+/// The folders of pictures and of label images that experiments read.
+const PAIRS: [&str; 2] = ["pictures", "labels"];
+
+/// Those of other data sets with label images: Cityscapes, its coarse labels, and ACDC.
+const OTHER_PAIRS: [[&str; 2]; 3] =
+    [["leftImg8bit", "gtFine"], ["leftImg8bit", "gtCoarse"], ["rgb_anon", "gt"]];
+
+fn has_folders(place: &Path, names: [&str; 2]) -> bool {
+    names.iter().all(|name| place.join(name).is_dir())
+}
+
 /// The files of annotations of a folder, each of a part of another name, or the file itself; at least one.
 fn annotation_files(place: &Path) -> Result<Vec<PathBuf>, CocoError> {
     if !place.is_dir() {
@@ -159,8 +174,12 @@ fn annotation_files(place: &Path) -> Result<Vec<PathBuf>, CocoError> {
     let found = found_files(place)?;
     let parts: BTreeSet<String> = found.iter().filter_map(|file| part_of(file)).collect();
     match found.len() {
-        0 if ["pictures", "labels"].iter().all(|name| place.join(name).is_dir()) => {
-            let hint = "labels of pixels are checked by an experiment with their classes: `petzval design EXPERIMENT --check`";
+        0 if has_folders(place, PAIRS) => {
+            Err(CocoError::content(place, "no annotations in COCO format in this folder", LABEL_IMAGES))
+        }
+        0 if OTHER_PAIRS.iter().any(|folders| has_folders(place, *folders)) => {
+            let hint =
+                format!("{LABEL_IMAGES}; lay them in pairs of one name: pictures/NAME.png, labels/NAME.png");
             Err(CocoError::content(place, "no annotations in COCO format in this folder", hint))
         }
         0 => {

@@ -515,6 +515,11 @@ fn annotations_are_found_where_programs_put_them() {
         assert!(needles.iter().all(|needle| error.contains(needle)), "{error}");
     };
     fails(&["no annotations in COCO format", "petzval data convert"]);
+    // Cityscapes has labels of pixels, which no conversion makes boxes of.
+    let [pictures, labels] = ["leftImg8bit", "gtFine"].map(|name| folder.path().join(name));
+    [&pictures, &labels].into_iter().for_each(|name| std::fs::create_dir(name).unwrap());
+    fails(&["petzval design EXPERIMENT --check", "pictures/NAME.png, labels/NAME.png"]);
+    [pictures, labels].into_iter().for_each(|name| std::fs::remove_dir(name).unwrap());
     // The folder of a segmentation.
     for name in ["pictures", "labels"] {
         std::fs::create_dir(folder.path().join(name)).unwrap();

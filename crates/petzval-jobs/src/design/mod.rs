@@ -126,7 +126,7 @@ petzval_base::parameters! {
         seed: Option<u64> = None;
         /// Folder of pictures in place of the experiment's.
         photos: Option<PathBuf> = None;
-        /// Folder of pictures with boxes in COCO format, in which objects are to be found, in place of the experiment's scenes.
+        /// Labelled pictures in place of the experiment's scenes: a folder of pictures with boxes in COCO format, or with label images for a segmentation.
         data: Option<PathBuf> = None;
         /// Take the budget of a night on a GPU, see [`Experiment::to_full_size`]; then `steps` must be none.
         is_full: bool = false;

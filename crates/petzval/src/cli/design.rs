@@ -53,7 +53,7 @@ pub struct Args {
     /// Folder of pictures to use in place of the built-in photographs; every fourth, by name, is held out
     #[arg(long, value_name = "DIR")]
     photos: Option<PathBuf>,
-    /// Folder of pictures with boxes in COCO format, in which objects are to be found in place of generated streets; see `petzval data`. The part
+    /// Folder of labelled pictures in place of generated streets: with label images, or with boxes in COCO format; see `petzval data`. The part
     /// `train` trains and the others are held out; the largest trains if none is called so; every fifth sequence is held out where no parts are
     /// named
     #[arg(long, value_name = "DIR", conflicts_with = "photos")]

@@ -33,7 +33,8 @@ pub struct Args {
     /// Folder of photographs: others than those of the run, or those of the run where they are now
     #[arg(long, value_name = "DIR")]
     photos: Option<PathBuf>,
-    /// Labelled pictures in COCO format, a folder or its file of annotations: others than those of the run, or those of the run where they are now
+    /// Labelled pictures, in COCO format (a folder or its file of annotations) or a folder of pictures with label images: others than those of the run, or
+    /// those of the run where they are now
     #[arg(long, value_name = "FILE", conflicts_with = "photos")]
     data: Option<PathBuf>,
     /// Believe this file or folder of the run though it does not agree with its digest; may be repeated
