@@ -29,6 +29,7 @@ pub fn check(setup: &Setup, source: &Text) -> Result<Vec<String>> {
     warnings.extend(usual_variables(setup));
     warnings.extend(unlike_starts(setup));
     warnings.extend(unlike_steps(setup));
+    warnings.extend(setup.experiment.idle_keys(&setup.facts));
     Ok(warnings)
 }
 

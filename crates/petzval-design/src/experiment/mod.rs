@@ -3,6 +3,7 @@
 mod check;
 mod commented;
 mod derived_lens;
+mod idle_keys;
 mod keys;
 mod names;
 mod plan;
@@ -63,7 +64,7 @@ pub struct Experiment {
     pub sensor: String,
     /// `built-in`, or a folder of pictures, a folder of tar shards, a shard, or a list with one path a line.
     pub photos: String,
-    /// Scenes in which objects are to be found: `street`, or a folder of pictures with boxes in COCO format.
+    /// Labelled scenes: `street`, or a folder of pictures with boxes in COCO format, or with label images for a segmentation.
     pub data: String,
     /// Seed of everything random, but for the windows of scenes in which objects are looked for.
     pub seed: u64,

@@ -164,6 +164,7 @@ fn pictures_with_label_images_take_the_place_of_streets() {
     let said = run_ok(root, &args);
     assert!(said.says("4 windows of 3 pictures in training, 4 windows of 1 in scores"), "{}", said.stderr);
     assert!(said.says("there are fewer than 5 pictures"), "{}", said.stderr);
+    assert!(said.says("street.samples = 1 (`data` names pictures"), "{}", said.stderr);
     assert!(said.stdout.contains("IoU thing"), "{}", said.stdout);
     // Red on gray is soon told apart from the wall.
     let row = read_json(&root.join("run/metrics.json"))["rows"][0].clone();
