@@ -1,7 +1,7 @@
 //! A file with the labels of a picture's pixels.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use petzval_files::{LabelImage, load_label_image};
@@ -12,6 +12,14 @@ use super::{ClassMap, DatasetError, IGNORED};
 
 /// Indices that are always ignored; the second one in files of 16 bits.
 pub const IGNORED_VALUES: [u16; 2] = [255, 65_535];
+
+/// The folder of label images.
+pub(super) const LABELS: &str = "labels";
+
+/// The name in its data set of a file of this folder.
+pub(super) fn name_in(folder: &str, path: &Path) -> String {
+    format!("{folder}/{}", path.file_name().unwrap_or_default().to_string_lossy())
+}
 
 /// A file with the labels of a picture.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,6 +33,11 @@ pub(super) struct LabelFile {
 }
 
 impl LabelFile {
+    /// Its name in the data set.
+    pub fn name(&self) -> String {
+        name_in(LABELS, &self.path)
+    }
+
     /// The class of each pixel. Fails where an index is of no class.
     pub fn read(&self) -> Result<ClassMap, DatasetError> {
         self.classes_of(load_label_image(&self.path)?)

@@ -15,7 +15,7 @@ use petzval_files::{
 };
 use rayon::prelude::*;
 
-use super::label_file::{LabelFile, pixels_of_classes};
+use super::label_file::{LABELS, LabelFile, name_in, pixels_of_classes};
 use super::labelled_pictures::{LabelledPicture, PART, list_by_place};
 use super::photo_set::picture_paths;
 use super::small_pictures::SmallPictures;
@@ -23,7 +23,7 @@ use super::{Classes, DatasetError, IGNORED, LabelledPictures, List, Purpose, REA
 use crate::detection::Truth;
 
 /// The folders of pictures and of labels.
-const FOLDERS: [&str; 2] = ["pictures", "labels"];
+const FOLDERS: [&str; 2] = ["pictures", LABELS];
 
 /// A picture with the pixels of each of its classes.
 struct Checked {
@@ -153,7 +153,7 @@ impl LabelledPictures {
         for (number, checked) in checked.into_iter().enumerate() {
             let Checked { picture, statements, are_turned, notes_of_labels, pixels: own } = checked?;
             noted.add(&picture.name, &statements);
-            let labels = picture.labels.as_ref().map_or_else(String::new, |file| label_name(&file.path));
+            let labels = picture.labels.as_ref().map_or_else(String::new, LabelFile::name);
             noted_of_labels.add(&labels, &notes_of_labels);
             match are_turned {
                 [_, true] => turned[1].push(labels),
@@ -263,15 +263,6 @@ fn checked(
 /// The name of a picture in its data set.
 fn picture_name(path: &Path) -> String {
     name_in(FOLDERS[0], path)
-}
-
-/// The name of a label image in its data set.
-pub(super) fn label_name(path: &Path) -> String {
-    name_in(FOLDERS[1], path)
-}
-
-fn name_in(folder: &str, path: &Path) -> String {
-    format!("{folder}/{}", path.file_name().unwrap_or_default().to_string_lossy())
 }
 
 /// How many there are beside the first of them, in words.

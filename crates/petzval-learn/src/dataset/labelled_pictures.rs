@@ -19,7 +19,6 @@ use rayon::prelude::*;
 use super::classes::{missing_claims, taken_as, truth};
 use super::crop::around;
 use super::label_file::{LabelFile, drawn_pixel};
-use super::label_images::label_name;
 use super::labelled_window::{LARGEST_SHARE, LEAST_INSIDE, crop_around, drawn_by_class, inside, off_middle};
 use super::small_pictures::SmallPictures;
 use super::{
@@ -310,7 +309,7 @@ impl LabelledPictures {
     pub fn label_files(&self) -> BTreeMap<String, String> {
         let all = [&self.training, &self.validation, &self.held_out].into_iter().flatten();
         let files = all.filter_map(|picture| picture.labels.as_ref());
-        files.map(|file| (label_name(&file.path), file.digest.clone())).collect()
+        files.map(|file| (file.name(), file.digest.clone())).collect()
     }
 
     /// Number of pictures of a list.
