@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray2, PyArray3};
 use petzval_camera::image::LinearImage;
+use petzval_files::raw_file::shortest;
 use petzval_jobs::glass::context_with;
 use petzval_jobs::simulate::{Frame, InMemory, Photographer, Request, frames_of, is_over_spectrum};
 use petzval_jobs::{Context, JobError, json};
@@ -21,7 +22,7 @@ use crate::watch::{Watch, watched};
 #[pyclass(frozen, name = "Frame", module = "petzval._petzval")]
 pub struct PyFrame(Frame);
 
-/// What Python reads of a frame.
+/// What Python reads of a frame: numbers as they were given, and not as 32 bits hold them.
 #[derive(Serialize)]
 struct Facts<'a> {
     name: &'a str,
@@ -30,10 +31,10 @@ struct Facts<'a> {
     cfa: String,
     pixel_um: f64,
     black_level_dn: f64,
-    white_e: f32,
-    time_s: f32,
-    linear_gain: f32,
-    display_white: f32,
+    white_e: f64,
+    time_s: f64,
+    linear_gain: f64,
+    display_white: f64,
     saturated_share: f64,
 }
 
@@ -115,10 +116,10 @@ impl PyFrame {
             cfa: self.0.raw().info.cfa.map_or_else(String::new, |cfa| cfa.to_string()),
             pixel_um: sensor.pixel_um,
             black_level_dn: sensor.black_level_dn,
-            white_e: *white_e,
-            time_s: exposure.time_s,
-            linear_gain: exposure.linear_gain,
-            display_white: *display_white,
+            white_e: shortest(*white_e),
+            time_s: shortest(exposure.time_s),
+            linear_gain: shortest(exposure.linear_gain),
+            display_white: shortest(*display_white),
             saturated_share: *saturated_share,
         };
         json(&facts).map_err(|error| exception(py, &error))
