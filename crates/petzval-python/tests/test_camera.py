@@ -1,3 +1,4 @@
+import copy
 import pickle
 import time
 import warnings
@@ -42,6 +43,14 @@ def test_frames_have_every_stage_as_an_array(frames: pz.Frames) -> None:
     light = frames.irradiance / frames.illumination
     assert np.abs(frames.developed - light)[4:-4, 4:-4].mean() < 0.02
     assert np.abs(frames.restored - frames.developed).max() > 1e-3
+
+
+def test_facts_are_the_given_numbers_and_frames_say_that_they_cannot_be_pickled(triplet: pz.Lens) -> None:
+    taken = pz.Camera(triplet, "imx249-fitted", size=(16, 16), time_s=0.005, gain=1.1).take(np.full((16, 16, 3), 0.5))
+    assert taken.facts["time_s"] == 0.005 and taken.facts["linear_gain"] == 1.1
+    with pytest.raises(TypeError, match="take its arrays"):
+        pickle.dumps(taken)
+    assert np.array_equal(copy.deepcopy(taken).raw, taken.raw)
 
 
 def test_a_path_and_an_array_are_the_same_picture(camera: pz.Camera, frames: pz.Frames, scene: np.ndarray, tmp_path: Path) -> None:

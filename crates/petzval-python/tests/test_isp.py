@@ -1,5 +1,6 @@
 """Development: equal to the jobs to the bit, with derivatives like differences."""
 
+import copy
 import pickle
 import struct
 import zlib
@@ -140,6 +141,24 @@ def test_changed_values_hold_at_every_gain_and_are_saved(tmp_path: Path) -> None
             np.testing.assert_array_equal(again.values(gain_ev), changed.values(gain_ev))
         np.testing.assert_array_equal(again.develop(frame), changed.develop(frame))
         assert again.to_toml() == changed.to_toml()
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"sensor": "imx249-fitted", "exposure_s": 0.01, "shading": np.ones((3, 5, 5)), "warp": np.zeros((2, 3, 3)), "colour_matrix": np.eye(3)},
+        {"companding": ([0, 1000, 4095], [0, 1000, 60_000]), "white_dn": 50_000.0},
+    ],
+)
+def test_a_frame_can_be_pickled_and_copied(changes: dict[str, Any]) -> None:
+    known = {"bits": 12, "cfa": "GRBG", "black_level_dn": 64.0, "noise": (1e-4, 1e-6), "white_dn": 4000.0, "response": (0.5, 1.0, 0.7)}
+    info = pz.FrameInfo(**(known | changes))
+    frames = pz.RawFrame(mosaic(), info), pz.RawFrame.like(info)
+    for frame in frames:
+        for again in (pickle.loads(pickle.dumps(frame)), copy.copy(frame), copy.deepcopy(frame)):
+            assert again._facts == frame._facts and np.array_equal(again.linear_dn, frame.linear_dn)
+    assert np.array_equal(pz.develop(pickle.loads(pickle.dumps(frames[0]))), pz.develop(frames[0]))
 
 
 def test_what_a_sensor_knows_need_not_be_stated() -> None:

@@ -1,4 +1,6 @@
+import warnings
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from petzval import _petzval
 from petzval._watch import watch
 
 NAN = float("nan")
+ONE = pz.FieldPsfs(np.full((1, 1, 16, 16), 1 / 256), [0.0], 2.0)
 
 
 def test_a_flat_scene_stays_flat_and_dims_off_the_axis() -> None:
@@ -18,6 +21,19 @@ def test_a_flat_scene_stays_flat_and_dims_off_the_axis() -> None:
     radius = 5e-3 * np.hypot(rows - 20.0, columns - 25.5)
     for c in range(3):
         np.testing.assert_allclose(light[..., c], np.interp(radius, bank.field_radius_mm, bank.illumination[:, c]), atol=3e-6)
+
+
+def test_bytes_are_encoded_and_numbers_beyond_floats_are_refused_by_name(tmp_path: Path) -> None:
+    every = np.arange(256, dtype=np.uint8).reshape(16, 16, 1).repeat(3, axis=2)
+    (tmp_path / "every.png").write_bytes(bytes(_petzval.picture_png(every)))
+    light = pz.read_picture(tmp_path / "every.png")
+    for work in (pz.render, pz.restore):
+        np.testing.assert_allclose(work(every, psfs(1, 3), pixel_um=5.0), work(light, psfs(1, 3), pixel_um=5.0), atol=1e-5)
+        np.testing.assert_allclose(work(every[..., 0], ONE, pixel_um=5.0), work(light[..., 0], ONE, pixel_um=5.0), atol=1e-5)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(pz.InputError):
+            pz.render(np.full((16, 16), 1e39), ONE, pixel_um=5.0)
 
 
 def test_a_flag_stops_it() -> None:

@@ -52,6 +52,11 @@ class PetzvalError(Exception):
 class InputError(PetzvalError, ValueError):
     """An argument, a request or a file is wrong."""
 
+    def __init__(
+        self, text: str, *, message: str = "", place: Place | None = None, hint: str = "", kind: str = "setting"
+    ) -> None:
+        super().__init__(text, message=message, place=place, hint=hint, kind=kind)
+
 
 def setting(key: str, value: str, message: str, hint: str) -> InputError:
     """The error of an argument that cannot be used."""

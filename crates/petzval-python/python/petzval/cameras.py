@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _petzval, jobs
-from ._arguments import finite, path_of, real
+from ._arguments import finite, flag, json_of, made_by, path_of, real, text
 from ._errors import setting
 from ._petzval import Cancel
 from ._pictures import Given, Picture, figure, given
@@ -28,11 +28,11 @@ __all__ = ["Camera", "Frames"]
 class Frames:
     """A frame of a simulated camera, and what was developed from it.
 
-    Arrays are made when they are first read. Pictures are ``[y, x, 3]``: red, green, blue.
+    Arrays are made when they are first read. Pictures are ``[y, x, 3]``: red, green, blue. It cannot be pickled, but its arrays and facts can.
     """
 
     def __init__(self, core: _petzval.Frame) -> None:
-        self._core = core
+        self._core = made_by(core, _petzval.Frame, "petzval.Camera.take")
 
     @cached_property
     def facts(self) -> dict[str, Any]:
@@ -106,9 +106,19 @@ class Frames:
             InputError: A file is there already, or the folder cannot be written.
         """
         formats = _known(images=[], raw_format=raw_format, picture_format=picture_format)
+        options = json_of("formats", formats, "names of formats")
         with watch() as watching:
-            facts = json.loads(self._core.save(path_of("folder", folder), json.dumps(formats), overwrite, watching))
+            facts = json.loads(self._core.save(path_of("folder", folder), options, flag("overwrite", overwrite), watching))
         return {key: Path(facts[key]) for key in ("raw", "sidecar", "calibration", "developed", "isp") if key in facts}
+
+    def __copy__(self) -> Frames:
+        return Frames(self._core)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Frames:
+        return Frames(self._core)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        raise TypeError("petzval.Frames cannot be pickled: take its arrays, such as raw and picture, and its facts; or write it by save")
 
     def __repr__(self) -> str:
         height, width = self.raw.shape
@@ -168,7 +178,7 @@ class Camera:
         # Of what is in memory the request holds the text.
         self._names = {key: value.name for key, value in (("lens", lens), ("sensor", sensor)) if isinstance(value, Lens | Sensor)}
         self._glasses = lens._core.glasses() if isinstance(lens, Lens) else []
-        self._request = request | _known(
+        named = _known(
             lens={"toml": lens.to_toml()} if isinstance(lens, Lens) else lens,
             sensor=None if sensor is None else sensor_input(sensor),
             white_e=finite("exposure_e", exposure_e),
@@ -177,12 +187,16 @@ class Camera:
             isp=isp,
             restore=_restore(restore),
             place=place,
-            no_distortion=not distortion,
+            no_distortion=not flag("distortion", distortion),
             size=size,
             samples=samples,
-            no_noise=not noise,
+            no_noise=not flag("noise", noise),
             psfs=psfs,
         )
+        for key in request.keys() & named.keys():
+            argument, right = _ARGUMENTS.get(key, (key, "a value"))
+            raise setting(key, repr(request[key]), f"stands for the argument `{argument}`", f"give `{argument}`, {right}, alone")
+        self._request = request | named
 
     @cached_property
     def _core(self) -> _petzval.Camera:
@@ -218,7 +232,7 @@ class Camera:
         Raises:
             InputError: The picture or a property of the camera is wrong.
         """
-        return self.take_all([picture], seed=seed, names=None if name is None else [name], progress=progress, cancel=cancel)[0]
+        return self.take_all([picture], seed=seed, names=None if name is None else [text("name", name, "the name of the picture")], progress=progress, cancel=cancel)[0]
 
     def take_all(
         self,
@@ -243,8 +257,10 @@ class Camera:
         several = len(pictures) > 1
         all_given = [given(one, f"pictures[{i}]" if several else "picture") for i, one in enumerate(pictures)]
         arrays = sum(not isinstance(one, str) for one in all_given)
-        if names is not None and len(names) != arrays:
-            raise setting("names", str(list(names)), f"there are {arrays} arrays", "one name for each array")
+        if names is not None:
+            names = [text(f"names[{i}]", name, "the name of an array") for i, name in enumerate(names)]
+            if len(names) != arrays:
+                raise setting("names", str(names), f"there are {arrays} arrays", "one name for each array")
         usual = ["picture"] if arrays == 1 else [f"picture-{i + 1}" for i in range(arrays)]
         free = iter(usual if names is None else names)
         named: list[tuple[str, Given]] = [(one if isinstance(one, str) else next(free), one) for one in all_given]
@@ -257,6 +273,14 @@ class Camera:
     def __repr__(self) -> str:
         about = {key: value for key, value in self._request.items() if value is not False} | self._names
         return f"<Camera {', '.join(f'{key}={value!r}' for key, value in about.items()) or 'of the defaults'}>"
+
+
+_ARGUMENTS = {
+    "white_e": ("exposure_e", "photoelectrons of white"),
+    "no_noise": ("noise", "True or False"),
+    "no_distortion": ("distortion", "True or False"),
+}
+"""Keys of the request that arguments of a camera have another name for."""
 
 
 def _restore(restore: bool | float) -> dict[str, float] | None:

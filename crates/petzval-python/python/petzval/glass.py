@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval, jobs
-from ._arguments import paths_of, reals
-from ._errors import setting
+from ._arguments import paths_of, real, reals, text
 from ._watch import watch
 from .cameras import _known
 
@@ -35,9 +34,7 @@ class Glass:
     """
 
     def __init__(self, name: str, *, glasses: Paths = ()) -> None:
-        if not isinstance(name, str):
-            raise setting("name", repr(name), "is no text", "the name of a glass, such as \"N-BK7\" or \"SCHOTT:N-BK7\"")
-        self._name = name
+        self._name = text("name", name, 'the name of a glass, such as "N-BK7" or "SCHOTT:N-BK7"')
         self._glasses = paths_of("glasses", glasses)
         with watch() as watching:
             self._core = _petzval.Glass(name, self._glasses, watching)
@@ -139,10 +136,16 @@ class Glass:
             InputError: The formula does not hold at a wavelength, or the path is negative.
         """
         um = reals("wavelengths_um", wavelengths_um)
-        return self._core.transmission(um.reshape(-1), path_mm).reshape(um.shape)
+        return self._core.transmission(um.reshape(-1), real("path_mm", path_mm, "in mm, 0 or more")).reshape(um.shape)
 
     def __repr__(self) -> str:
         return f"<Glass {self.name!r} of {self.maker or 'no maker'}: nd {self.nd:.5f}, Vd {self.vd:.2f}>"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Glass) and (self.figures, self._glasses) == (other.figures, other._glasses)
+
+    def __hash__(self) -> int:
+        return hash((self.maker, self.name))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _again, (self._name, self._glasses)

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval
-from ._arguments import array_of, made_by, path_of
-from ._errors import InputError, Place
+from ._arguments import array_of, count, made_by, of_class, path_of, placed, real, reals
+from ._arguments import text as checked_text
+from ._errors import setting
 from ._watch import watch
 from .raw_frame import FrameInfo, RawFrame
 
@@ -27,6 +28,8 @@ Float32 = NDArray[np.float32]
 Picture = NDArray[np.uint8] | NDArray[np.uint16]
 RawLike = RawFrame | str | os.PathLike[str] | ArrayLike
 """A raw frame, the path of a raw file, or digital numbers ``[y, x]``."""
+
+_STOPS = "stops above the lowest gain of the sensor"
 
 
 @dataclass(frozen=True)
@@ -75,14 +78,15 @@ class Isp:
         Raises:
             InputError: There is no such preset, its file is wrong, or it stands for another ISP.
         """
-        with watch() as watching:
-            return cls(_petzval.Isp.load(None if preset is None else path_of("preset", preset), watching))
+        path = None if preset is None else path_of("preset", preset)
+        with watch() as watching, placed("preset", path or "", "give a file that exists, or a built-in name"):
+            return cls(_petzval.Isp.load(path, watching))
 
     @classmethod
     def parse(cls, text: str) -> Isp:
         """Reads the text of a preset, as `load` reads the file."""
         with watch() as watching:
-            return cls(_petzval.Isp.parse(text, watching))
+            return cls(_petzval.Isp.parse(checked_text("text", text, "the text of a preset"), watching))
 
     @property
     def about(self) -> str:
@@ -111,11 +115,11 @@ class Isp:
         Args:
             gain_ev: Gain of the sensor above its lowest, EV: presets set some parameters by it.
         """
-        return self._core.values(gain_ev)
+        return self._core.values(real("gain_ev", gain_ev, _STOPS))
 
     def at_gain(self, gain_ev: float) -> Isp:
         """The ISP whose parameters have, at every gain, the values of this gain in EV."""
-        return Isp(self._core.at_gain(gain_ev))
+        return Isp(self._core.at_gain(real("gain_ev", gain_ev, _STOPS)))
 
     def with_(
         self,
@@ -139,8 +143,11 @@ class Isp:
         Raises:
             InputError: There is no such parameter, or a value is out of its range.
         """
-        named = list(self._named({**(changes or {}), **numbers}))
-        return Isp(self._core.changed(named, demosaic, domain))
+        hint = 'values by name, such as {"sharpen.amount": 1.2}'
+        given: Mapping[str, Any] = {} if changes is None else of_class("changes", changes, Mapping, hint)
+        named = list(self._named({**given, **numbers}))
+        methods = [None if value is None else checked_text(key, value, "the name of a method") for key, value in (("demosaic", demosaic), ("domain", domain))]
+        return Isp(self._core.changed(named, methods[0], methods[1]))
 
     def to_toml(self) -> str:
         """The ISP as text of a preset, with a sentence for each parameter."""
@@ -166,6 +173,7 @@ class Isp:
             InputError: The frame or something about it is wrong.
         """
         frame = _frame(raw, info)
+        bits = None if bits is None else count("bits", bits, "8, 10 or 16")
         with watch() as watching:
             return self._core.develop(frame._core, bits, watching)
 
@@ -204,8 +212,7 @@ class Isp:
         planes = array_of("cotangent", cotangent, np.float32)
         wanted = (*numbers.shape[1:], 3)
         if planes.shape != wanted:
-            place = Place(key="cotangent", value=str(planes.shape))
-            raise InputError(f"cotangent: has the shape {planes.shape}", place=place, hint=f"give {wanted}")
+            raise setting("cotangent", f"of shape {planes.shape}", f"has the shape {planes.shape}", f"give {wanted}")
         with watch() as watching:
             by_raw, by_values = self._core.pull_back(frame._core, numbers, theta, np.moveaxis(planes, -1, 0)[None], watching)
         return by_raw[0], by_values[0]
@@ -219,23 +226,19 @@ class Isp:
             frame = RawFrame.like(_needed(info))
             numbers = array_of("raw", raw, np.float32)
         if numbers.ndim != 2:
-            raise InputError(
-                f"raw: has {numbers.ndim} axes", place=Place(key="raw", value=str(numbers.shape)), hint="give [y, x]"
-            )
+            raise setting("raw", f"of shape {numbers.shape}", f"has {numbers.ndim} axes", "give [y, x]")
         theta = self.values(frame.gain_ev) if values is None else array_of("values", values, np.float64)
         if theta.shape != (len(self.parameters),):
-            place = Place(key="values", value=str(theta.shape))
-            raise InputError(f"values: have the shape {theta.shape}", place=place, hint=f"give ({len(self.parameters)},)")
+            raise setting("values", f"of shape {theta.shape}", f"have the shape {theta.shape}", f"give ({len(self.parameters)},)")
         return frame, numbers[None], theta[None]
 
     def _named(self, changes: Mapping[str, float | Sequence[float]]) -> Iterator[tuple[str, float]]:
         """Names and values of single numbers."""
         for key, value in changes.items():
             names = self._names.get(key, (key,))
-            values = np.atleast_1d(np.asarray(value, dtype=np.float64))
+            values = reals(checked_text("changes", key, "names of parameters are texts"), value, "number")
             if values.shape != (len(names),):
-                place = Place(key=key, value=str(value))
-                raise InputError(f"{key}: {value} is not {len(names)} numbers", place=place, hint=f"it has {len(names)}")
+                raise setting(key, str(value), f"is not {len(names)} numbers", f"it has {len(names)}")
             yield from zip(names, values.tolist(), strict=True)
 
     @cached_property
@@ -266,6 +269,12 @@ class Isp:
 
         head = f"<caption>{html.escape(self.about)} Demosaicing: {self.demosaic}.</caption>"
         return f"<table>{head}{''.join(row(p) for p in self.parameters.values())}</table>"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Isp) and self.to_toml() == other.to_toml()
+
+    def __hash__(self) -> int:
+        return hash(self.to_toml())
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Isp.parse, (self.to_toml(),)
@@ -306,14 +315,13 @@ def develop(
 def _frame(raw: RawLike, info: FrameInfo | None) -> RawFrame:
     if isinstance(raw, (RawFrame, str, os.PathLike)):
         if info is not None:
-            place = Place(key="info", value=type(raw).__name__)
-            raise InputError("info: the raw frame has its own", place=place, hint="give info with an array alone")
+            raise setting("info", "", "the raw frame has its own", "give info with an array alone")
         return raw if isinstance(raw, RawFrame) else RawFrame.load(raw)
-    return RawFrame(raw, _needed(info))
+    return RawFrame(reals("raw", raw, "y", "x"), _needed(info))
 
 
 def _needed(info: FrameInfo | None) -> FrameInfo:
     if info is None:
         hint = 'such as info=FrameInfo(bits=12, cfa="RGGB", black_level_dn=64)'
-        raise InputError("info: what are the numbers of the array?", place=Place(key="info"), hint=hint)
+        raise setting("info", "", "what are the numbers of the array?", hint)
     return info

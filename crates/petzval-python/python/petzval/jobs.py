@@ -14,8 +14,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from . import _petzval
-from ._arguments import paths_of
-from ._errors import setting
+from ._arguments import flag, json_of, of_class, paths_of, text
 from ._petzval import Cancel
 from ._threads import threads_of
 from ._watch import Event, Progress, watch
@@ -34,7 +33,7 @@ def schema(name: str) -> tuple[dict[str, Any], dict[str, Any]]:
     Raises:
         InputError: There is no such job.
     """
-    request, response = _petzval.job_schemas(name)
+    request, response = _petzval.job_schemas(text("name", name, "the name of a job, one of petzval.jobs.names()"))
     return json.loads(request), json.loads(response)
 
 
@@ -70,14 +69,14 @@ def run(
         Stopped: The flag was set.
         PetzvalError: The job failed.
     """
-    if not (request is None or isinstance(request, Mapping)):
-        raise setting("request", repr(request), f"is of the type {type(request).__name__}", 'keys and values, such as {"lens": "my.zmx"}')
+    if request is not None:
+        of_class("request", request, Mapping, 'keys and values, such as {"lens": "my.zmx"}')
     call = {
         "format": 1,
-        "job": name,
+        "job": text("name", name, "the name of a job, one of petzval.jobs.names()"),
         "request": dict(request or {}),
         "glasses": paths_of("glasses", glasses),
-        "overwrite": overwrite,
+        "overwrite": flag("overwrite", overwrite),
         "threads": threads_of(threads),
     }
     with watch(progress, cancel) as watching:
@@ -86,19 +85,4 @@ def run(
 
 
 def _json(value: Any) -> str:
-    try:
-        return json.dumps(value, default=_plain, allow_nan=False)
-    except (TypeError, ValueError) as error:
-        # The words of the library for NaN and infinity are about JSON.
-        why = "it holds a number that is not finite" if "JSON compliant" in str(error) else str(error)
-        raise setting("request", "", why, "finite numbers, texts, lists, mappings, paths and arrays") from error
-
-
-def _plain(value: Any) -> Any:
-    """Paths, and numbers and arrays of NumPy, as JSON has them."""
-    if isinstance(value, os.PathLike):
-        return os.fspath(value)
-    for method in ("tolist", "item"):
-        if hasattr(value, method):
-            return getattr(value, method)()
-    raise TypeError(f"{type(value).__name__} cannot stand in a request")
+    return json_of("request", value, "finite numbers, texts, lists, mappings, paths and arrays")

@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval, jobs
-from ._arguments import count, finite, made_by, path_of, paths_of, real, reals, shaped
-from ._errors import InputError, Place, Stopped, setting
+from ._arguments import count, finite, json_of, made_by, not_written, of_class, path_of, paths_of, placed, real, reals, shaped
+from ._arguments import text as checked_text
+from ._errors import Stopped, setting
 from ._petzval import Cancel
 from ._watch import Progress, watch
 
@@ -54,7 +55,7 @@ class Surface:
     label: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Spots:
     """Spot diagrams by field.
 
@@ -77,7 +78,7 @@ class Spots:
     points_um: list[list[Array]] = field(repr=False)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mtf:
     """Modulation by field and frequency.
 
@@ -104,7 +105,7 @@ class Mtf:
     limit_tangential: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Wavefront:
     """Wavefronts by field and wavelength, in waves.
 
@@ -166,8 +167,9 @@ class Lens:
         Raises:
             InputError: The file is wrong; its place is in the error.
         """
-        with watch() as watching:
-            return cls(_petzval.Lens.load(path_of("name", name), paths_of("glasses", glasses), watching))
+        path, catalogues = path_of("name", name), paths_of("glasses", glasses)
+        with watch() as watching, placed("name", path, "give a file that exists, or a built-in name"):
+            return cls(_petzval.Lens.load(path, catalogues, watching))
 
     @classmethod
     def parse(
@@ -179,8 +181,7 @@ class Lens:
     ) -> Lens:
         """Reads the text of a lens file, as `load` reads the file."""
         for key, value in (("text", text), ("format", format)):
-            if not isinstance(value, str):
-                raise setting(key, repr(value), f"is of the type {type(value).__name__}", "the text of a lens file, and its format")
+            checked_text(key, value, "the text of a lens file, and its format")
         with watch() as watching:
             return cls(_petzval.Lens.parse(text, format, paths_of("glasses", glasses), watching))
 
@@ -293,7 +294,7 @@ class Lens:
             InputError: There is no such surface or number, or the lens could not be built.
         """
         if numbers and surface is None:
-            raise InputError("surface: which surface has the numbers?", place=Place(key="surface"), hint="its number, from 0")
+            raise setting("surface", "", "which surface has the numbers?", "its number, from 0")
         index = 0 if surface is None else count("surface", surface, "surfaces are counted from 0")
         changes = [(index, name, _number_of_surface(name, value)) for name, value in numbers.items()]
         with watch() as watching:
@@ -326,8 +327,8 @@ class Lens:
             file = Path(path_of("path", path))
             try:
                 file.write_text(svg, encoding="utf-8")
-            except OSError as error:
-                raise InputError(f"{file}: {error.strerror}", place=Place(path=file, key="path"), hint="name a file that can be written") from error
+            except (OSError, ValueError) as error:
+                raise not_written(file, error) from error
         return svg
 
     def spots(self, fields_deg: ArrayLike | None = None) -> Spots:
@@ -442,7 +443,7 @@ class Lens:
             "variables": None if variables is None else [_variable(place, v) for place, v in enumerate(variables)],
             "efl_surface": efl if isinstance(efl, int) else None,
             "is_efl_free": efl == "free",
-            "focus": focus,
+            "focus": checked_text("focus", focus, '"fixed", "free" or "paraxial"'),
             "defocus_mm": defocus_range,
             "element_edge_mm": finite("element_edge_mm", element_edge_mm),
             "element_centre_mm": finite("element_centre_mm", element_centre_mm),
@@ -453,7 +454,7 @@ class Lens:
             "held_field_deg": finite("held_field_deg", held_field_deg),
             "held_share": finite("held_share", held_share),
         }
-        return DesignSpace(_petzval.DesignSpace(self._core, json.dumps(plan)))
+        return DesignSpace(_petzval.DesignSpace(self._core, json_of("variables", plan, "numbers and texts")))
 
     def optimize(
         self,
@@ -528,6 +529,12 @@ class Lens:
     def _repr_html_(self) -> str:
         return f"<figure>{self.layout_svg()}<figcaption>{html.escape(repr(self))}</figcaption></figure>"
 
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Lens) and (self.to_toml(), self._core.glasses()) == (other.to_toml(), other._core.glasses())
+
+    def __hash__(self) -> int:
+        return hash(self.to_toml())
+
     def __reduce__(self) -> tuple[Any, ...]:
         return _again, (self.to_toml(), self._core.glasses())
 
@@ -563,7 +570,7 @@ class DesignSpace:
     """
 
     def __init__(self, core: _petzval.DesignSpace) -> None:
-        self._core = core
+        self._core = made_by(core, _petzval.DesignSpace, "petzval.Lens.variables")
 
     @cached_property
     def coordinates(self) -> tuple[Coordinate, ...]:
@@ -581,15 +588,15 @@ class DesignSpace:
         Raises:
             InputError: The coordinates are not finite or too many, or no curvature gives the focal length.
         """
-        return Lens(self._core.lens_at(x))
+        return Lens(self._core.lens_at(reals("x", x, "coordinate")))
 
     def coordinates_of(self, lens: Lens) -> Array:
         """The coordinates of a lens with the same surfaces, moved inside the bounds: not onto them, where the map has no slope."""
-        return self._core.coordinates_of(lens._core)
+        return self._core.coordinates_of(of_class("lens", lens, Lens, "petzval.Lens.load(PATH) gives one")._core)
 
     def penalty(self, x: ArrayLike) -> tuple[float, Array]:
         """The sum of the squares of all violations of limits, mm^2, and its derivatives by the coordinates."""
-        return self._core.penalty(x)
+        return self._core.penalty(reals("x", x, "coordinate"))
 
     def __len__(self) -> int:
         return len(self.coordinates)
@@ -668,10 +675,9 @@ class Tolerance:
         Raises:
             InputError: There is no such lens, or it brings no image.
         """
-        if trial < 0:
-            raise setting("trial", str(trial), "there is no such lens", "lenses are counted from 0")
+        number = count("trial", trial, "lenses are counted from 0")
         with watch() as watching:
-            return Lens(_petzval.lens_of_trial(jobs._json(self._request), trial, self._glasses, watching))
+            return Lens(_petzval.lens_of_trial(jobs._json(self._request), number, self._glasses, watching))
 
 
 def _variable(place: int, variable: Any) -> dict[str, Any]:

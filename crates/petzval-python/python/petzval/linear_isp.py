@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval
-from ._arguments import array_of, finite, shaped
-from ._errors import InputError, Place
+from ._arguments import array_of, count, finite, json_of, positive, shaped, text
+from ._errors import setting
 from ._watch import watch
 from .sensors import SensorLike, sensor_input
 
@@ -57,22 +56,21 @@ class LinearIsp:
         shading_floor: float | None = None,
         colour_matrix: ArrayLike | None = None,
     ) -> None:
-        for key, place in (("row", row), ("col", col)):
-            if place < 0:
-                raise InputError(f"{key}: {place} is negative", place=Place(key=key, value=str(place)), hint="count from 0")
-        self._plan = json.dumps(
+        self._plan = json_of(
+            "isp",
             {
                 "sensor": sensor_input(sensor),
-                "white_e": finite("white_e", white_e),
+                "white_e": positive("white_e", white_e, "electrons, above 0"),
                 "exposure_s": finite("exposure_s", exposure_s),
                 "linear_gain": finite("linear_gain", linear_gain),
-                "row": row,
-                "col": col,
-                "demosaic": demosaic,
-                "domain": domain,
+                "row": count("row", row, "count from 0"),
+                "col": count("col", col, "count from 0"),
+                "demosaic": None if demosaic is None else text("demosaic", demosaic, "the name of a method"),
+                "domain": None if domain is None else text("domain", domain, '"linear" or "stabilised"'),
                 "shading_floor": finite("shading_floor", shading_floor),
                 "colour_matrix": shaped("colour_matrix", colour_matrix, (3, 3)),
-            }
+            },
+            "numbers and texts",
         )
         with watch() as watching:
             self._core = _petzval.LinearIsp(self._plan, watching)
@@ -94,8 +92,7 @@ class LinearIsp:
         light = _light(illumination, (*numbers.shape, 3))
         if numbers.ndim != 2 or light.shape != (*numbers.shape, 3):
             shapes = f"{numbers.shape} and {light.shape}"
-            place = Place(key="raw", value=shapes)
-            raise InputError(f"raw, illumination: shapes {shapes}", place=place, hint="give [y, x] and [y, x, 3]")
+            raise setting("raw", f"and illumination of shapes {shapes}", "do not fit", "give [y, x] and [y, x, 3]")
         with watch() as watching:
             picture = self._core.develop(numbers[None], np.moveaxis(light, -1, 0)[None], watching)
         return np.moveaxis(picture[0], 0, -1)
@@ -118,11 +115,17 @@ class LinearIsp:
         if numbers.ndim != 2 or planes.shape != (*numbers.shape, 3) or light.shape != planes.shape:
             shapes = f"{numbers.shape}, {planes.shape} and {light.shape}"
             hint = "give [y, x], [y, x, 3] and [y, x, 3]"
-            raise InputError(f"raw, cotangent, illumination: shapes {shapes}", place=Place(key="raw", value=shapes), hint=hint)
+            raise setting("raw", f"cotangent and illumination of shapes {shapes}", "do not fit", hint)
         light, planes = np.moveaxis(light, -1, 0), np.moveaxis(planes, -1, 0)
         with watch() as watching:
             by_raw, by_light = self._core.pull_back(numbers[None], light[None], planes[None], watching)
         return by_raw[0], np.moveaxis(by_light[0], 0, -1)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, LinearIsp) and self._plan == other._plan
+
+    def __hash__(self) -> int:
+        return hash(self._plan)
 
     def __reduce__(self) -> tuple[object, ...]:
         return _again, (self._plan,)

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from . import _petzval
-from ._arguments import count, path_of, real, reals
-from ._errors import InputError, Place, setting
+from ._arguments import count, json_of, of_class, path_of, real, reals, text
+from ._errors import setting
 from ._petzval import Cancel
 from ._watch import Progress, watch
 from .lens import Lens
@@ -37,15 +37,11 @@ def _json(axes: dict[str, Any]) -> str:
     for key, value in axes.items():
         for number in value if isinstance(value, list) else [value]:
             if isinstance(number, float) and not math.isfinite(number):
-                place = Place(key=key, value=str(number))
-                raise InputError(f"{key} {number}: not finite", place=place, hint="give finite numbers")
-    try:
-        return json.dumps(axes)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"the axes of the PSFs: {error}", hint="give numbers and texts") from error
+                raise setting(key, str(number), "not finite", "give finite numbers")
+    return json_of("axes", axes, "give numbers and texts")
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class PsfBank:
     """PSFs by field and wavelength: of a lens, measured, or made elsewhere.
 
@@ -154,14 +150,12 @@ class PsfBank:
         radius = reals("field_radius_mm", field_radius_mm, "field")
         if kind not in get_args(Kind):
             raise setting("kind", repr(kind), "there is no such kind", ", ".join(get_args(Kind)))
-        if not isinstance(source, str):
-            raise setting("source", repr(source), f"is of the type {type(source).__name__}", "a text")
+        text("source", source)
         for number, channel in enumerate(channels or ()):
             if channel not in get_args(Channel):
                 raise setting(f"channels[{number}]", repr(channel), "is no colour of a camera", ", ".join(get_args(Channel)))
         if (radius < 0.0).any():
-            place = Place(key="field_radius_mm", value=str(radius.min()))
-            raise InputError(f"field_radius_mm {radius.min()}: no distance", place=place, hint="in mm, 0 on the axis")
+            raise setting("field_radius_mm", str(radius.min()), "no distance", "in mm, 0 on the axis")
         fields, colours = psfs.shape[:2]
         unknown = np.full(fields, np.nan), np.full(colours, np.nan)
         bank = cls(
@@ -201,8 +195,7 @@ class PsfBank:
         try:
             precision = np.dtype(dtype).name
         except TypeError as error:
-            place = Place(key="dtype", value=str(dtype))
-            raise InputError(f"dtype {dtype!r}: {error}", place=place, hint="numpy.float16, float32 or float64") from error
+            raise setting("dtype", repr(dtype), str(error), "numpy.float16, float32 or float64") from error
         with watch() as watching:
             _petzval.psfs_save(path_of("folder", folder), self._axes(), self.values, self.illumination, precision, watching)
 
@@ -216,8 +209,8 @@ class PsfBank:
             InputError: A file has a defect, which is named with file, key and value.
         """
         with watch() as watching:
-            text, (values, illumination) = _petzval.psfs_load(path_of("path", path), watching)
-        axes = json.loads(text)
+            found, (values, illumination) = _petzval.psfs_load(path_of("path", path), watching)
+        axes = json.loads(found)
         fields, colours = values.shape[:2]
         radius = np.array(axes["field_radius_mm"], dtype=np.float64)
 
@@ -244,7 +237,14 @@ class PsfBank:
         )
 
     def _axes(self) -> str:
-        """The axes as in ``psf.json``; what is not known is left out."""
+        """The axes as in ``psf.json``; what is not known is left out.
+
+        Raises:
+            InputError: A number is not finite, or fields that may be turned about the axis do not lie further and further out.
+        """
+        radius_mm = self.field_radius_mm
+        if self.rotationally_symmetric and (np.diff(radius_mm) <= 0.0).any():
+            raise setting("field_radius_mm", str(radius_mm.tolist()), "do not ascend", "let each field lie further out than the last")
         lists = {
             "field_radius_mm": self.field_radius_mm,
             "chief_ray_x_mm": self.chief_mm[:, 0],
@@ -338,8 +338,7 @@ def psf(
     Raises:
         InputError: An argument is out of its range, or no light of a field arrives.
     """
-    if not isinstance(lens, Lens):
-        raise setting("lens", repr(lens), f"is of the type {type(lens).__name__}", "petzval.Lens.load(PATH) gives one")
+    of_class("lens", lens, Lens, "petzval.Lens.load(PATH) gives one")
     fields = lens.fields_deg if fields_deg is None else reals("fields_deg", fields_deg, "field")
     colours = lens.wavelengths_um if wavelengths_um is None else reals("wavelengths_um", wavelengths_um, "wavelength")
     if not isinstance(kind, str):

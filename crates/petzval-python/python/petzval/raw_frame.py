@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval
-from ._arguments import array_of, finite, path_of, shaped
-from ._errors import InputError, Place
+from ._arguments import array_of, count, finite, flag, json_of, of_class, path_of, reals, shaped, text
+from ._errors import setting
 from ._watch import watch
 from .sensors import SensorLike, sensor_input
 
@@ -74,18 +74,15 @@ class FrameInfo:
     def _json(self) -> str:
         """What the binary part reads of it."""
         noise = shaped("noise", self.noise, (2,))
-        companding = self.companding
         about = {
             "info": {
-                "bits": self.bits,
-                "cfa": self.cfa,
+                "bits": None if self.bits is None else count("bits", self.bits, "a whole number, 8 to 24"),
+                "cfa": None if self.cfa is None else text("cfa", self.cfa, '"RGGB", "GRBG", "GBRG" or "BGGR"'),
                 "black_level_dn": finite("black_level_dn", self.black_level_dn),
                 "white_level_dn": finite("white_level_dn", self.white_level_dn),
                 "exposure_s": finite("exposure_s", self.exposure_s),
                 "linear_gain": finite("linear_gain", self.linear_gain),
-                "companding": None
-                if companding is None
-                else {"companded_dn": [int(v) for v in companding[0]], "linear_dn": [int(v) for v in companding[1]]},
+                "companding": _knots(self.companding),
             },
             "calibration": {
                 "black_dn": finite("black_dn", self.black_dn),
@@ -100,12 +97,12 @@ class FrameInfo:
             },
             "options": {
                 "sensor": None if self.sensor is None else sensor_input(self.sensor),
-                "auto_balance": self.auto_balance,
-                "auto_exposure": self.auto_exposure,
+                "auto_balance": flag("auto_balance", self.auto_balance),
+                "auto_exposure": flag("auto_exposure", self.auto_exposure),
             },
             "white_e": finite("white_e", self.white_e),
         }
-        return json.dumps(about, allow_nan=False)
+        return json_of("info", about, "numbers, texts and arrays")
 
 
 class RawFrame:
@@ -120,9 +117,10 @@ class RawFrame:
     """
 
     def __init__(self, values: ArrayLike, info: FrameInfo) -> None:
-        about = info._json()
+        about = _checked(info)._json()
+        numbers = reals("values", values, "y", "x")
         with watch() as watching:
-            self._core = _petzval.RawFrame.of_numbers(values, about, watching)
+            self._core = _petzval.RawFrame.of_numbers(numbers, about, watching)
 
     @classmethod
     def load(
@@ -149,8 +147,8 @@ class RawFrame:
         options = {
             "sensor": None if sensor is None else sensor_input(sensor),
             "white_dn": finite("white_dn", white_dn),
-            "auto_balance": auto_balance,
-            "auto_exposure": auto_exposure,
+            "auto_balance": flag("auto_balance", auto_balance),
+            "auto_exposure": flag("auto_exposure", auto_exposure),
         }
         with watch() as watching:
             return cls._of(_petzval.RawFrame.load(path_of("path", path), json.dumps(options), watching))
@@ -158,7 +156,7 @@ class RawFrame:
     @classmethod
     def like(cls, info: FrameInfo) -> RawFrame:
         """What is known of frames that come later: it has no pixels, and `petzval.torch` develops tensors by it."""
-        about = info._json()
+        about = _checked(info)._json()
         with watch() as watching:
             return cls._of(_petzval.RawFrame.like(about, watching))
 
@@ -253,10 +251,58 @@ class RawFrame:
         """Gain of the sensor above its lowest, EV."""
         return float(self._facts["about"]["gain_ev"])
 
+    def __copy__(self) -> RawFrame:
+        return RawFrame._of(self._core)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> RawFrame:
+        return RawFrame._of(self._core)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """The frame by its numbers and by all that is known of it, so that no file is needed to make it again."""
+        calibration = dict(self._facts["about"])
+        companding = calibration.pop("companding", None)
+        black_dn, numbers = calibration["black_dn"], None
+        if self.shape != (0, 0):
+            numbers = self.linear_dn
+            if companding is not None:
+                numbers = np.interp(numbers, companding["linear_dn"], companding["companded_dn"]).round().astype(np.float32)
+                black_dn = float(np.interp(black_dn, companding["linear_dn"], companding["companded_dn"]))
+        info = {"bits": self.bits, "cfa": self.cfa, "black_level_dn": black_dn, "companding": companding}
+        about = {"info": info, "calibration": calibration, "options": {"sensor": None, "auto_balance": False, "auto_exposure": False}, "white_e": None}
+        return _again, (numbers, json.dumps(about))
+
     def __repr__(self) -> str:
         height, width = self.shape
         size = f"{height} x {width}" if height else "later"
         return f"<RawFrame {size}: {self.bits} bits, {self.cfa}, black {self.black_dn:.6g} DN, white {self.white_dn:.6g} DN>"
+
+
+def _checked(info: FrameInfo) -> FrameInfo:
+    return of_class("info", info, FrameInfo, 'such as petzval.FrameInfo(bits=12, cfa="RGGB", black_level_dn=64)')
+
+
+def _again(numbers: NDArray[np.float32] | None, about: str) -> RawFrame:
+    with watch() as watching:
+        if numbers is None:
+            return RawFrame._of(_petzval.RawFrame.like(about, watching))
+        return RawFrame._of(_petzval.RawFrame.of_numbers(numbers, about, watching))
+
+
+def _knots(companding: Any) -> dict[str, list[int]] | None:
+    """Knots of companding as a sidecar has them."""
+    if companding is None:
+        return None
+    hint = "companded and linear numbers of the knots, ascending from 0, such as ([0, 1023, 4095], [0, 1023, 65535])"
+    knots: Any = of_class("companding", companding, (tuple, list, np.ndarray), hint)
+    if len(knots) != 2:
+        raise setting("companding", repr(companding), f"has {len(knots)} lists", hint)
+
+    def whole(part: int) -> list[int]:
+        name = f"companding[{part}]"
+        numbers: Any = of_class(name, knots[part], (tuple, list, np.ndarray), hint)
+        return [count(f"{name}[{i}]", value, hint) for i, value in enumerate(numbers)]
+
+    return {"companded_dn": whole(0), "linear_dn": whole(1)}
 
 
 def _mesh(key: str, values: ArrayLike | None, planes: int) -> dict[str, Any] | None:
@@ -265,8 +311,7 @@ def _mesh(key: str, values: ArrayLike | None, planes: int) -> dict[str, Any] | N
         return None
     array = array_of(key, values, np.float64)
     if array.ndim != 3:
-        place = Place(key=key, value=str(array.shape))
-        raise InputError(f"{key}: has the shape {array.shape}", place=place, hint=f"give [{planes}, rows, cols]")
+        raise setting(key, f"of shape {array.shape}", f"has {array.ndim} axes", f"give [{planes}, rows, cols]")
     rows, cols = array.shape[1:]
     nodes = shaped(key, array, (planes, rows, cols))
     return {"rows": rows, "cols": cols, "planes": [[v for row in plane for v in row] for plane in nodes]}

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval
-from ._arguments import check_unmasked, count, real, reals
-from ._errors import InputError, Place, setting
+from ._arguments import array_of, count, not_negative, of_class, pair, positive, real, reals
+from ._errors import setting
 from ._petzval import Cancel
+from ._pictures import light_of
 from ._watch import watch
 from .lens import Lens
 from .sensors import Sensor
@@ -48,7 +49,7 @@ class HasPsfs(Protocol):
         """Size of a cell, um."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class FieldPsfs:
     """PSFs of one's own: measured, computed elsewhere, or tensors. `PsfBank` has the same attributes.
 
@@ -72,7 +73,7 @@ class FieldPsfs:
         return f"<FieldPsfs {tuple(np.shape(self.values))}, cells of {self.pitch_um:g} um>"
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Distortion:
     """Where on the image the points of a rectilinear picture land: the chief-ray map of a rotationally symmetric lens.
 
@@ -95,7 +96,7 @@ class Distortion:
 
     @cached_property
     def _core(self) -> _petzval.Distortion:
-        return _petzval.Distortion(self.image_mm, self.ideal_mm)
+        return _petzval.Distortion(reals("image_mm", self.image_mm, "radius"), reals("ideal_mm", self.ideal_mm, "radius"))
 
     @classmethod
     def of(cls, lens: Lens, sensor: Sensor) -> Distortion:
@@ -104,6 +105,8 @@ class Distortion:
         Raises:
             InputError: A chief ray is lost, or the field is wider than a rectilinear picture can be.
         """
+        of_class("lens", lens, Lens, "petzval.Lens.load(PATH) gives one")
+        of_class("sensor", sensor, Sensor, "petzval.Sensor.load(NAME) gives one")
         with watch() as watching:
             return cls(*_petzval.Distortion.table(lens._core, sensor._core, watching))
 
@@ -120,8 +123,8 @@ class Distortion:
 
         The optical axis meets the middle of both.
         """
-        height, width = _pair("shape", shape)
-        return self._core.frame(height, width, pixel_um)
+        height, width = pair("shape", shape)
+        return self._core.frame(height, width, real("pixel_um", pixel_um, "the pixel pitch in um"))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Distortion, (self.image_mm, self.ideal_mm)
@@ -151,7 +154,9 @@ class Wiener:
     @classmethod
     def of_exposure(cls, sensor: Sensor, *, white_e: float, time_s: float = 0.0, linear_gain: float = 1.0) -> Wiener:
         """The filter for pictures of a sensor whose green pixels have `white_e` electrons of white, exposed for `time_s` at a linear gain."""
-        noise, power = _petzval.wiener((sensor._core, white_e, time_s, linear_gain))
+        of_class("sensor", sensor, Sensor, "petzval.Sensor.load(NAME) gives one")
+        exposure = positive("white_e", white_e, "electrons, above 0"), not_negative("time_s", time_s, "seconds, 0 or above")
+        noise, power = _petzval.wiener((sensor._core, *exposure, positive("linear_gain", linear_gain, "a gain above 0")))
         return cls(noise, power)
 
 
@@ -176,7 +181,8 @@ def render(
     meets the middle of the sensor.
 
     Args:
-        picture: Linear light of the scene, ``[y, x, colour]`` or ``[y, x]`` for one colour; not negative. It covers the sensor, or, with a
+        picture: Light of the scene, ``[y, x, colour]`` or ``[y, x]`` for one colour: floats are linear and not negative, ``uint8`` is
+            sRGB-encoded. It covers the sensor, or, with a
             distortion, what the lens projects onto it (`Distortion.frame`). Outside it its edge is repeated.
         psfs: PSFs of as many colours.
         pixel_um: Pixel pitch, um.
@@ -197,19 +203,20 @@ def render(
         InputError: An argument is out of its range, or shapes do not fit.
     """
     light, is_plane = _picture("picture", picture)
+    if distortion is not None:
+        of_class("distortion", distortion, Distortion, "petzval.Distortion.of(lens, sensor) gives one")
     samples = count("samples", samples)
     if shape is None:
         if distortion is not None:
-            hint = "name the rows and columns of the sensor"
-            raise InputError("shape: left out beside a distortion", place=Place(key="shape"), hint=hint)
+            raise setting("shape", "", "left out beside a distortion", "name the rows and columns of the sensor")
         shape = light.shape[0] // max(samples, 1), light.shape[1] // max(samples, 1)
-    height, width = _pair("shape", shape)
+    height, width = pair("shape", shape)
     if distortion is None and light.shape[:2] != (height * samples, width * samples):
         value = f"of {light.shape[0]} x {light.shape[1]} samples"
         hint = f"the sensor has {height} x {width} pixels of {samples} x {samples} samples"
-        raise InputError(f"picture {value}: does not cover the sensor", place=Place(key="picture", value=value), hint=hint)
+        raise setting("picture", value, "does not cover the sensor", hint)
     first = count("row", row), count("column", column)
-    last = _pair("size", size) if size is not None else (height - first[0], width - first[1])
+    last = pair("size", size) if size is not None else (height - first[0], width - first[1])
     window = first + (max(last[0], 0), max(last[1], 0))
     with watch(cancel=cancel) as watching:
         renderer = _renderer(psfs, (height, width), pixel_um, patches, None, watching)
@@ -235,7 +242,7 @@ def restore(
     Each patch has the filter ``conj(K) / (|K|^2 + P)`` of its own kernel K; P is that of `Wiener`.
 
     Args:
-        picture: Linear light, corrected for shading, ``[y, x, colour]`` or ``[y, x]``. Beyond its border its edge is repeated.
+        picture: Light, corrected for shading, ``[y, x, colour]`` or ``[y, x]``: floats are linear, ``uint8`` is sRGB-encoded. Beyond its border its edge is repeated.
         psfs: PSFs of as many colours.
         pixel_um: Pixel pitch, um.
         wiener: The noise; that of 16,000 electrons of white if left out.
@@ -249,12 +256,13 @@ def restore(
         InputError: An argument is out of its range, or shapes do not fit.
     """
     blurred, is_plane = _picture("picture", picture)
-    wiener = Wiener() if wiener is None else wiener
-    curves = np.zeros((blurred.shape[2], 6)) if wiener.curves is None else wiener.curves
+    wiener = Wiener() if wiener is None else of_class("wiener", wiener, Wiener, "such as petzval.Wiener(noise=0.01)")
+    curves = np.zeros((blurred.shape[2], 6)) if wiener.curves is None else reals("curves", wiener.curves, "colour", "knot")
+    numbers = real("noise", wiener.noise), real("power", wiener.power)
     place = count("row", row), count("column", column)
     with watch(cancel=cancel) as watching:
         renderer = _renderer(psfs, blurred.shape[:2] if shape is None else shape, pixel_um, patches, None, watching)
-        found = renderer.restore(blurred, (wiener.noise, wiener.power, curves), *place, watching)
+        found = renderer.restore(blurred, (*numbers, curves), *place, watching)
     return found[..., 0] if is_plane else found
 
 
@@ -310,34 +318,22 @@ def _renderer(
     if not all(hasattr(psfs, of) for of in ("values", "illumination", "field_radius_mm", "pitch_um")):
         raise setting("psfs", type(psfs).__name__, "holds no PSFs", "a petzval.PsfBank, such as petzval.psf(lens), or petzval.FieldPsfs")
     check_azimuth(psfs)
-    pixel_um = real("pixel_um", pixel_um, "the pixel pitch in um")
-    height, width = _pair("shape", shape)
-    number = None if patches is None else _pair("patches", patches)
-    return _petzval.Renderer(
-        psfs.values, psfs.illumination, psfs.field_radius_mm, psfs.pitch_um, (height, width, pixel_um), number, largest_error, watching
-    )
-
-
-def _pair(name: str, value: tuple[int, ...]) -> tuple[int, int]:
-    """Rows and columns."""
-    if isinstance(value, (tuple, list)) and len(value) == 2:
-        return count(name, value[0]), count(name, value[1])
-    raise InputError(f"{name} {value!r}: not two whole numbers", place=Place(key=name, value=repr(value)), hint="rows and columns")
+    values, illumination = (array_of(f"psfs.{of}", getattr(psfs, of), np.float32) for of in ("values", "illumination"))
+    radius_mm = reals("psfs.field_radius_mm", psfs.field_radius_mm, "field")
+    pitch_um, pixel_um = real("psfs.pitch_um", psfs.pitch_um), real("pixel_um", pixel_um, "the pixel pitch in um")
+    if values.ndim != 4 or illumination.ndim != 2:
+        found = f"of shapes {values.shape} and {illumination.shape}"
+        raise setting("psfs", found, "hold no PSFs", "values [field, colour, y, x], illumination [field, colour]")
+    sensor = *pair("shape", shape), pixel_um
+    number = None if patches is None else pair("patches", patches)
+    error = None if largest_error is None else real("blend_error", largest_error, "the largest median error, such as 0.03")
+    return _petzval.Renderer(values, illumination, radius_mm, pitch_um, sensor, number, error, watching)
 
 
 def _picture(name: str, picture: ArrayLike) -> tuple[Picture, bool]:
-    """A picture ``[y, x, colour]``, and whether it was given without colours."""
-    check_unmasked(name, picture)
-    try:
-        # A conversion alone would drop imaginary parts.
-        if np.iscomplexobj(picture):
-            raise setting(name, "of complex numbers", "is no picture", "an array [y, x] or [y, x, colour] of light")
-        pixels: Picture = np.asarray(picture, dtype=np.float32)
-    except InputError:
-        raise
-    except (TypeError, ValueError) as error:
-        raise setting(name, type(picture).__name__, "is no picture", "an array [y, x] or [y, x, colour] of light; petzval.read_picture reads files") from error
+    """The light of a picture ``[y, x, colour]``, and whether it was given without colours."""
+    hint = "an array [y, x] or [y, x, colour]: floats are linear light, uint8 is sRGB-encoded; petzval.read_picture reads files"
+    pixels = light_of(name, picture, hint)
     if pixels.ndim not in (2, 3):
-        place = Place(key=name, value=f"of shape {pixels.shape}")
-        raise InputError(f"{name} of shape {pixels.shape}: has the wrong shape", place=place, hint="give [y, x] or [y, x, colour]")
+        raise setting(name, f"of shape {pixels.shape}", "has the wrong shape", "give [y, x] or [y, x, colour]")
     return (pixels[..., None], True) if pixels.ndim == 2 else (pixels, False)

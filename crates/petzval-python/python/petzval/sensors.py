@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval
-from ._arguments import count, made_by, path_of, real, reals
-from ._errors import InputError, Place
+from ._arguments import count, json_of, made_by, not_negative, not_written, pair, path_of, placed, positive, real, reals
+from ._arguments import text as checked_text
+from ._errors import setting
 from ._watch import watch
 
 __all__ = ["FixedPattern", "NoiseMode", "Sensor"]
@@ -49,12 +50,13 @@ def sensor_input(sensor: SensorLike) -> str | dict[str, str]:
     Raises:
         InputError: It is no sensor.
     """
-    if isinstance(sensor, HasToml):
+    # A class has the method, too, but no text.
+    if isinstance(sensor, HasToml) and not isinstance(sensor, type):
         return {"toml": sensor.to_toml()}
     return path_of("sensor", sensor)
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class FixedPattern:
     """What is fixed in a window of one specimen of a sensor, whatever the frame.
 
@@ -93,14 +95,15 @@ class Sensor:
         Raises:
             InputError: There is no such sensor, or the file is wrong; its place is in the error.
         """
-        with watch() as watching:
-            return cls(_petzval.Sensor.load(path_of("name", name), watching))
+        path = path_of("name", name)
+        with watch() as watching, placed("name", path, "give a file that exists, or a built-in name"):
+            return cls(_petzval.Sensor.load(path, watching))
 
     @classmethod
     def parse(cls, text: str) -> Sensor:
         """Reads the text of a sensor file, as `load` reads the file. Errors name the line."""
         with watch() as watching:
-            return cls(_petzval.Sensor.parse(text, watching))
+            return cls(_petzval.Sensor.parse(checked_text("text", text, "the text of a sensor file"), watching))
 
     @cached_property
     def _facts(self) -> dict[str, Any]:
@@ -208,12 +211,21 @@ class Sensor:
         return self._core.response()
 
     def white_level_dn(self, linear_gain: float = 1.0) -> float:
-        """Mean digital number of a saturated pixel, DN: the largest of the converter, or the mean reading of a full well."""
-        return self._core.white_level_dn(linear_gain)
+        """Mean digital number of a saturated pixel, DN: the largest of the converter, or the mean reading of a full well.
+
+        Raises:
+            InputError: The gain is not positive.
+        """
+        return self._core.white_level_dn(positive("linear_gain", linear_gain, "a gain above 0"))
 
     def light_capacity_e(self, *, time_s: float = 0.0, linear_gain: float = 1.0) -> float:
-        """Photoelectrons that saturate a pixel; zero or negative if a dark pixel is saturated."""
-        return self._core.light_capacity_e(time_s, linear_gain)
+        """Photoelectrons that saturate a pixel; zero or negative if a dark pixel is saturated.
+
+        Raises:
+            InputError: The gain is not positive, or the time is negative.
+        """
+        seconds = not_negative("time_s", time_s, "seconds, 0 or above")
+        return self._core.light_capacity_e(seconds, positive("linear_gain", linear_gain, "a gain above 0"))
 
     def to_toml(self) -> str:
         """The sensor as text of a sensor file."""
@@ -225,12 +237,11 @@ class Sensor:
         Raises:
             InputError: The file cannot be written.
         """
-        path = Path(path)
+        file = Path(path_of("path", path))
         try:
-            path.write_text(self.to_toml(), encoding="utf-8")
-        except OSError as error:
-            place = Place(path=path, key="path")
-            raise InputError(f"{path}: {error.strerror}", place=place, hint="name a file that can be written") from error
+            file.write_text(self.to_toml(), encoding="utf-8")
+        except (OSError, ValueError) as error:
+            raise not_written(file, error) from error
 
     def with_(self, **values: Any) -> Sensor:
         """The sensor with other values of keys of its file.
@@ -242,11 +253,7 @@ class Sensor:
         Raises:
             InputError: There is no such key, or a sensor cannot have this value.
         """
-        try:
-            text = json.dumps(values, allow_nan=False, default=_plain)
-        except (TypeError, ValueError) as error:
-            why = "one is not finite" if "JSON compliant" in str(error) else str(error)
-            raise InputError(f"values: {why}", place=Place(key="values"), hint="give finite numbers, texts, lists or tables") from error
+        text = json_of("values", values, "give finite numbers, texts, lists or tables")
         with watch() as watching:
             return Sensor(self._core.changed(text, watching))
 
@@ -322,8 +329,7 @@ class Sensor:
             Digital numbers, and DN per electron, both ``[y, x]``. Of light ``[y, x, 3]``, multiply by `response` for each colour.
         """
         if mode not in get_args(NoiseMode):
-            place = Place(key="mode", value=repr(mode))
-            raise InputError(f"mode {mode!r}: there is no such mode of noise", place=place, hint=", ".join(get_args(NoiseMode)))
+            raise setting("mode", repr(mode), "there is no such mode of noise", ", ".join(get_args(NoiseMode)))
         settings = _settings(seed, frame, time_s, linear_gain, row, column)
         with watch() as watching:
             return self._core.expose_with_tape(reals("electrons", electrons), mode, settings, watching)
@@ -338,10 +344,9 @@ class Sensor:
         size: tuple[int, int] | None = None,
     ) -> NDArray[np.uint16]:
         """A dark frame ``[y, x]``: what `expose` gives without light, of the whole sensor or its first ``size`` rows and columns."""
-        height, width = self.shape if size is None else (count("size", size[0]), count("size", size[1]))
+        height, width = self.shape if size is None else pair("size", size)
         if not (1 <= height <= self.shape[0] and 1 <= width <= self.shape[1]):
-            place = Place(key="size", value=str(size))
-            raise InputError(f"size {size}: no size of a frame", place=place, hint=f"rows and columns, up to {self.shape}")
+            raise setting("size", str(size), "no size of a frame", f"rows and columns, up to {self.shape}")
         # One dark pixel stands for all of them.
         electrons = np.broadcast_to(np.float32(0), (height, width))
         return self.expose(electrons, seed=seed, frame=frame, time_s=time_s, linear_gain=linear_gain)
@@ -354,10 +359,10 @@ class Sensor:
             row: Sensor row of the first pixel.
             column: Sensor column of the first pixel.
         """
-        height, width = self.shape if size is None else size
-        window = [count(name, value) for name, value in (("row", row), ("column", column), ("size", height), ("size", width))]
+        height, width = self.shape if size is None else pair("size", size)
+        first = count("row", row), count("column", column)
         with watch() as watching:
-            return FixedPattern(*self._core.fixed_pattern(window[0], window[1], window[2], window[3], watching))
+            return FixedPattern(*self._core.fixed_pattern(*first, height, width, watching))
 
     def __repr__(self) -> str:
         height, width = self.shape
@@ -400,9 +405,3 @@ def _settings(
         count("column", column),
     )
 
-
-def _plain(value: object) -> Any:
-    """Numbers and arrays of NumPy as Python has them."""
-    if isinstance(value, (np.generic, np.ndarray)):
-        return value.tolist()
-    raise TypeError(f"a sensor file holds no {type(value).__name__}")

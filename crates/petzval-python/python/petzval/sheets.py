@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from . import _petzval, jobs
-from ._errors import InputError, Place, setting
+from ._arguments import flag, not_written, path_of
+from ._errors import setting
 from ._petzval import Cancel
 from ._watch import Progress, watch
 from .cameras import _known
@@ -162,18 +163,17 @@ class Sheet:
 
     def save_report(self, path: str | os.PathLike[str]) -> Path:
         """Writes the page, one file with all tables and plots; returns its path."""
-        path = Path(path)
+        file = Path(path_of("path", path))
         try:
-            path.write_text(self._pages["report.html"], encoding="utf-8")
-        except OSError as error:
-            place = Place(path=path, key="path")
-            raise InputError(f"{path}: {error.strerror}", place=place, hint="name a file in a folder that can be written") from error
-        return path
+            file.write_text(self._pages["report.html"], encoding="utf-8")
+        except (OSError, ValueError) as error:
+            raise not_written(file, error) from error
+        return file
 
     def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> list[Path]:
         """Writes every file of ``petzval sensor characterize``: sensor, results, tables, page and plots; returns their paths."""
         with watch() as watching:
-            return [Path(path) for path in self._core.save(os.fspath(folder), overwrite, watching)]
+            return [Path(path) for path in self._core.save(path_of("folder", folder), flag("overwrite", overwrite), watching)]
 
     def __repr__(self) -> str:
         sensor = self.characterization["sensor"]["name"]

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _petzval
-from ._arguments import check_unmasked
+from ._arguments import array_of, json_of, not_written, of_class, path_of, text
 from ._errors import InputError, Place, setting
 from ._watch import watch
 
@@ -73,21 +73,21 @@ class Weights:
         Raises:
             InputError: There is no such file, or it holds no weights of a network of Petzval.
         """
-        if not isinstance(path, str | os.PathLike):
-            raise InputError(f"path is {path!r}; give a file or a folder", place=Place(key="path", value=repr(path)))
-        file = _file(Path(path), camera)
+        file = _file(Path(path_of("path", path)), camera)
         try:
             contents = file.read_bytes()
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or str(error)
             hint = "give a safetensors file, such as cameras/NAME/network.safetensors of a run"
-            raise InputError(f"{file}: {reason}", place=Place(path=file, key="path"), hint=hint) from error
+            place = Place(path=file, key="path")
+            raise InputError(f"{file}: {reason}", message=reason, place=place, hint=hint, kind="file") from error
         with watch() as watching:
             try:
                 return cls._of(_petzval.Network.read(contents, _kind(kind), watching))
             except InputError as error:
                 place = Place(path=file, key="path")
-                raise InputError(f"{file}: {error.message}", place=place, hint=error.hint, kind=error.kind) from error
+                message = error.message
+                raise InputError(f"{file}: {message}", message=message, place=place, hint=error.hint, kind=error.kind) from error
 
     @classmethod
     def built_in(cls, name: str) -> Weights:
@@ -96,13 +96,12 @@ class Weights:
         Raises:
             InputError: There are no such weights.
         """
-        if not isinstance(name, str):
-            raise InputError(f"name is {name!r}; give the name of built-in weights", place=Place(key="name", value=repr(name)))
+        hint = '"restoration_naf" or "restoration_naf_waves"; Weights.load reads files'
+        text("name", name, hint)
         with watch() as watching:
             try:
                 return cls._of(_petzval.Network.built_in(name, watching))
             except InputError as error:
-                hint = '"restoration_naf" or "restoration_naf_waves"; Weights.load reads files'
                 raise setting("name", repr(name), "there are no built-in weights of this name", hint) from error
 
     @classmethod
@@ -121,11 +120,8 @@ class Weights:
             InputError: A setting is out of its range, missing, or none of this kind.
         """
         if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= seed < 2**64:
-            raise InputError(f"seed is {seed!r}; give a whole number, 0 or above", place=Place(key="seed", value=repr(seed)))
-        try:
-            spec = json.dumps({"kind": kind, "settings": settings}, allow_nan=False)
-        except (TypeError, ValueError) as error:
-            raise InputError(f"settings: {error}", place=Place(key="settings", value=repr(settings))) from error
+            raise setting("seed", repr(seed), "is no seed", "give a whole number, 0 to 2^64 - 1")
+        spec = json_of("settings", {"kind": kind, "settings": settings}, "give finite numbers and texts")
         with watch() as watching:
             return cls._of(_petzval.Network.drawn(spec, int(seed), watching))
 
@@ -168,7 +164,7 @@ class Weights:
         unknown = next((name for name in tensors if name not in self.tensors), None)
         if unknown is not None:
             hint = f"its weights are {', '.join(list(self.tensors)[:3])}, ..."
-            raise InputError(f"tensors: there is no weight {unknown!r}", place=Place(key="tensors", value=repr(unknown)), hint=hint)
+            raise setting("tensors", repr(unknown), "there is no such weight", hint)
         return Weights({**self.tensors, **tensors}, kind=self.kind)
 
     def save(self, path: str | os.PathLike[str], *, names: Literal["petzval", "torchvision"] = "petzval") -> None:
@@ -186,18 +182,17 @@ class Weights:
             InputError: The file cannot be written, or torchvision has no such network.
         """
         if names not in ("petzval", "torchvision"):
-            hint = '"petzval" or "torchvision"'
-            raise InputError(f"names is {names!r}; give {hint}", place=Place(key="names", value=repr(names)), hint=hint)
+            raise setting("names", repr(names), "there are no such names", 'give "petzval" or "torchvision"')
         with watch() as watching:
             contents = self._core.file(names == "torchvision", watching)
-        path = Path(path)
-        beside = path.with_name(f".{path.name}.{os.getpid()}")
+        file = Path(path_of("path", path))
+        beside = file.with_name(f".{file.name}.{os.getpid()}")
         try:
             beside.write_bytes(contents)
-            beside.replace(path)
+            beside.replace(file)
         except OSError as error:
             beside.unlink(missing_ok=True)
-            raise InputError(f"{path}: {error.strerror}", place=Place(path=path, key="path"), hint="name a file that can be written") from error
+            raise not_written(file, error) from error
 
     def run(self, **inputs: ArrayLike) -> dict[str, Array]:
         """What Petzval's network makes of arrays, on the processor.
@@ -237,35 +232,18 @@ def _again(tensors: Mapping[str, ArrayLike], kind: Kind) -> Weights:
 
 
 def _kind(kind: Kind | None) -> str | None:
-    if kind is not None and not isinstance(kind, str):
-        raise InputError(f"kind is {kind!r}; give the name of a kind", place=Place(key="kind", value=repr(kind)))
-    return kind
+    return None if kind is None else text("kind", kind, "give the name of a kind")
 
 
 def _arrays(key: str, arrays: Mapping[str, ArrayLike]) -> list[tuple[str, Array]]:
     """Arrays as the binary part takes them: float32 in one piece."""
-    if not isinstance(arrays, Mapping):
-        raise InputError(f"{key} is {arrays!r}; give arrays by name", place=Place(key=key, value=repr(arrays)))
-    return [(_name(key, name), _array(f"{key}[{name!r}]", array)) for name, array in arrays.items()]
-
-
-def _name(key: str, name: str) -> str:
-    if not isinstance(name, str):
-        raise InputError(f"{key} has the name {name!r}; names are strings", place=Place(key=key, value=repr(name)))
-    return name
+    of_class(key, arrays, Mapping, "give arrays by name")
+    return [(text(key, name, "names of arrays are texts"), _array(f"{key}[{name!r}]", array)) for name, array in arrays.items()]
 
 
 def _array(key: str, value: ArrayLike) -> Array:
-    check_unmasked(key, value)
-    try:
-        array = np.asarray(value)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{key} is no array: {error}", place=Place(key=key)) from error
-    if array.dtype.kind not in "fiu":
-        raise InputError(f"{key} has the type {array.dtype}; give real numbers", place=Place(key=key, value=str(array.dtype)))
-    with np.errstate(over="ignore"):
-        # What does not fit float32 becomes infinite, and is refused as such.
-        return np.ascontiguousarray(array, dtype=np.float32).reshape(array.shape)
+    array = array_of(key, value, np.float32)
+    return np.ascontiguousarray(array).reshape(array.shape)
 
 
 def _is_own_class(folder: Path) -> bool:
@@ -279,7 +257,8 @@ def _is_own_class(folder: Path) -> bool:
 
 def _own_class(folder: Path) -> InputError:
     hint = f"{folder / _STATE} holds the bytes that `save` of the class gave: its `load` takes them"
-    return InputError(f"{folder}: its network is a class in Python, not one of Petzval", place=Place(path=folder, key="path"), hint=hint)
+    message = "its network is a class in Python, not one of Petzval"
+    return InputError(f"{folder}: {message}", message=message, place=Place(path=folder, key="path"), hint=hint)
 
 
 def _file(path: Path, camera: str | None) -> Path:

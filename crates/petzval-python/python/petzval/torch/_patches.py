@@ -12,8 +12,9 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from .._arguments import pair
 from .._errors import InputError, Place
-from ..rendering import ON_AXIS_MM, HasPsfs, _pair, check_azimuth
+from ..rendering import ON_AXIS_MM, HasPsfs, check_azimuth
 
 MOST_SIDE, MOST_PATCHES, MOST_RADIUS = 65536, 256, 512
 
@@ -268,10 +269,10 @@ def checked(name: str, picture: Tensor) -> Tensor:
 
 def grid_of(shape: tuple[int, ...], pixel_um: float, patches: tuple[int, int]) -> Grid:
     """A sensor and its patches, checked."""
-    height, width = _pair("shape", tuple(shape))
+    height, width = pair("shape", tuple(shape))
     if isinstance(pixel_um, (str, bytes)):
         raise wrong("pixel_um", repr(pixel_um), "is no number", "in um, 0.001 to 10000")
-    return Grid(height, width, float(pixel_um), _pair("patches", patches))
+    return Grid(height, width, float(pixel_um), pair("patches", patches))
 
 
 def wrong(name: str, value: object, message: str, hint: str) -> InputError:

@@ -9,8 +9,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from .._arguments import count
-from ..rendering import Distortion, HasPsfs, _pair
+from .._arguments import count, of_class, pair
+from ..rendering import Distortion, HasPsfs
 from ._patches import FieldTensors, Grid, blend, checked, grid_of, replicated, wide, wrong
 
 __all__ = ["illumination_map", "project", "render"]
@@ -66,10 +66,10 @@ def render(
         if distortion is not None:
             raise wrong("border", border, "does not go with a distortion", "project the picture first, then render it with a border")
         found = whole[0] - 2 * border, whole[1] - 2 * border
-        if size is not None and _pair("size", size) != found:
+        if size is not None and pair("size", size) != found:
             raise wrong("size", size, "is not that of the picture without its border", f"leave it out: it is {found}")
     else:
-        found = _pair("size", size) if size is not None else (grid.height - row, grid.width - column)
+        found = pair("size", size) if size is not None else (grid.height - row, grid.width - column)
         if distortion is None and whole != (grid.height, grid.width):
             hint = "give a picture of the whole sensor, a border, or a distortion"
             raise wrong("picture", f"of {whole[0]} x {whole[1]} pixels", "does not cover the sensor", hint)
@@ -112,7 +112,7 @@ def illumination_map(
         column: Sensor column of the first pixel.
         like: A tensor of the device and type of the result; those of the illumination if left out.
     """
-    height, width = _pair("size", size)
+    height, width = pair("size", size)
     row, column = count("row", row), count("column", column)
     grid = grid_of((height, width) if shape is None else shape, pixel_um, (1, 1))
     grid.check_window(row, column, height, width)
@@ -149,7 +149,7 @@ def project(
         border: Pixels around the window, on each side.
     """
     picture = checked("picture", picture)
-    height, width = _pair("size", size)
+    height, width = pair("size", size)
     row, column, border = count("row", row), count("column", column), count("border", border)
     grid = grid_of((height, width) if shape is None else shape, pixel_um, (1, 1))
     grid.check_window(row, column, height, width)
@@ -157,6 +157,7 @@ def project(
 
 
 def _projected(picture: Tensor, distortion: Distortion, grid: Grid, first: tuple[int, int], size: tuple[int, int]) -> Tensor:
+    of_class("distortion", distortion, Distortion, "petzval.Distortion.of(lens, sensor) gives one")
     # Find where in the picture the light of each pixel comes from.
     rows = np.arange(first[0], first[0] + size[0]) - 0.5 * (grid.height - 1)
     columns = np.arange(first[1], first[1] + size[1]) - 0.5 * (grid.width - 1)
