@@ -297,6 +297,20 @@ def test_wrong_tensors_are_exceptions() -> None:
     ):
         with pytest.raises(pz.InputError):
             call()
+    plain: list[tuple[str, Any]] = [
+        ("raw", lambda: pt.develop(raw().numpy(), isp=ISP, frame=FRAME)),
+        ("raw", lambda: pt.develop(raw() + 0j, isp=ISP, frame=FRAME)),
+        ("raw", lambda: pt.develop(raw() > 100, isp=ISP, frame=FRAME)),
+        ("isp", lambda: pt.develop(raw(), isp="quality", frame=FRAME)),
+        ("isp", lambda: pt.Isp("quality", frame=FRAME)),
+        ("frame", lambda: pt.develop(raw(), isp=ISP, frame="a")),
+        ("isp", lambda: pt.develop_linear(raw(), isp="a")),
+        ("illumination", lambda: pt.develop_linear(raw(), np.ones((3, *SHAPE)), isp=linear())),
+    ]
+    for key, call in plain:
+        with pytest.raises(pz.InputError) as caught:
+            call()
+        assert caught.value.place.key == key and caught.value.hint
 
 
 @pytest.mark.filterwarnings("ignore:.torch.jit")

@@ -16,7 +16,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from .._errors import InputError, PetzvalWarning, Place
+from .._arguments import of_class
+from .._errors import InputError, PetzvalWarning, Place, setting
 from .._watch import watch
 from ..isp import Isp as _Isp
 from ..linear_isp import LinearIsp
@@ -188,12 +189,11 @@ def develop(raw: Tensor, parameters: Tensor | None = None, *, isp: _Isp, frame: 
         InputError: A shape is wrong, a number is not finite, or a parameter is out of its range.
     """
     raw, one = _batched(raw)
-    known = _known(frame)
+    isp, known = _checked(isp), _known(frame)
     if parameters is None:
         parameters = torch.from_numpy(isp.values(known.gain_ev)).to(raw.device)
-    if parameters.dim() not in (1, 2):
-        hint = "give [parameter] or [frame, parameter]"
-        raise InputError(f"parameters: shape {tuple(parameters.shape)}", place=Place(key="parameters"), hint=hint)
+    if of_class("parameters", parameters, Tensor, "give a tensor").dim() not in (1, 2):
+        raise setting("parameters", f"of shape {tuple(parameters.shape)}", "has the wrong shape", "give [parameter] or [frame, parameter]")
     parameters = parameters.expand(raw.shape[0], parameters.shape[-1])
     picture: Tensor = _Forward.apply(raw, parameters, _number(isp, known), "develop")
     return picture[0] if one else picture
@@ -214,13 +214,13 @@ def develop_linear(raw: Tensor, illumination: Tensor | None = None, *, isp: Line
         InputError: A shape is wrong, or a number is not finite.
     """
     raw, one = _batched(raw)
+    of_class("isp", isp, LinearIsp, "petzval.LinearIsp(sensor, white_e=ELECTRONS) makes one")
     shape = (raw.shape[0], 3, *raw.shape[1:])
     if illumination is None:
         illumination = raw.new_ones((1, 1, 1, 1))
-    elif tuple(illumination.shape) not in (shape, shape[1:]):
-        place = Place(key="illumination", value=str(tuple(illumination.shape)))
+    elif tuple(of_class("illumination", illumination, Tensor, "give a tensor").shape) not in (shape, shape[1:]):
         hint = f"give {shape[1:]} or {shape}"
-        raise InputError(f"illumination: shape {tuple(illumination.shape)}", place=place, hint=hint)
+        raise setting("illumination", f"of shape {tuple(illumination.shape)}", "has the wrong shape", hint)
     picture: Tensor = _Forward.apply(raw, illumination.expand(shape), _number_linear(isp), "develop_linear")
     return picture[0] if one else picture
 
@@ -285,7 +285,7 @@ class Isp(nn.Module):
 
     def __init__(self, isp: _Isp, *, frame: FrameInfo | RawFrame, vary: Sequence[str] = ("all",)) -> None:
         super().__init__()
-        known = _known(frame)
+        isp, known = _checked(isp), _known(frame)
         self._isp = isp.at_gain(known.gain_ev)
         self._about, self._gain_ev = known._about, known.gain_ev
         self._number = _number(self._isp, known)
@@ -383,15 +383,21 @@ class Isp(nn.Module):
 
 def _batched(raw: Tensor) -> tuple[Tensor, bool]:
     """Raw frames ``[frame, y, x]`` of a floating type, and whether there is one without an axis of frames."""
-    if raw.dim() not in (2, 3):
-        place = Place(key="raw", value=str(tuple(raw.shape)))
-        raise InputError(f"raw: shape {tuple(raw.shape)}", place=place, hint="give [y, x] or [frame, y, x]")
+    if of_class("raw", raw, Tensor, "give a tensor, such as torch.from_numpy(array)").dim() not in (2, 3):
+        raise setting("raw", f"of shape {tuple(raw.shape)}", "has the wrong shape", "give [y, x] or [frame, y, x]")
+    if raw.is_complex() or raw.dtype == torch.bool:
+        raise setting("raw", f"of type {raw.dtype}", "holds no digital numbers", "give real numbers")
     if not raw.is_floating_point():
         raw = raw.to(torch.get_default_dtype())
     return (raw[None], True) if raw.dim() == 2 else (raw, False)
 
 
+def _checked(isp: _Isp) -> _Isp:
+    return of_class("isp", isp, _Isp, "petzval.Isp.load(PRESET) gives one")
+
+
 def _known(frame: FrameInfo | RawFrame) -> RawFrame:
+    of_class("frame", frame, (FrameInfo, RawFrame), "a petzval.FrameInfo or petzval.RawFrame")
     return frame if isinstance(frame, RawFrame) else RawFrame.like(frame)
 
 

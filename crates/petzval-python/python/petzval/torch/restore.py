@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from .._arguments import count
+from .._arguments import count, of_class
 from ..rendering import HasPsfs, Wiener
 from ._patches import FieldTensors, blend, checked, fast_size, grid_of, replicated, wide, wrong
 
@@ -47,6 +47,7 @@ def restore(
         InputError: An argument is out of its range, or shapes do not fit.
     """
     picture = checked("picture", picture)
+    wiener = Wiener() if wiener is None else of_class("wiener", wiener, Wiener, "such as petzval.Wiener(noise=0.01)")
     row, column = count("row", row), count("column", column)
     height, width = int(picture.shape[-2]), int(picture.shape[-1])
     grid = grid_of((height, width) if shape is None else shape, pixel_um, patches)
@@ -54,7 +55,7 @@ def restore(
     fields = FieldTensors.of(psfs, picture)
     tiles = grid.tiles(row, column, height, width)
     active = grid.active(*tiles)
-    filters = _filters(fields.kernels(grid, active), Wiener() if wiener is None else wiener)
+    filters = _filters(fields.kernels(grid, active), wiener)
     reach = filters.shape[-1] // 2
     scene = replicated(picture, -reach, -reach, height + 2 * reach, width + 2 * reach)
     return blend(scene, filters, active, grid, tiles)
