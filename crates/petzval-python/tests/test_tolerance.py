@@ -61,5 +61,5 @@ def test_wrong_trials_are_refused(tolerance: pz.lens.Tolerance) -> None:
     with pytest.raises(pz.InputError, match="0 to 23"):
         tolerance.lens(24)
     for wrong in ("1", 1.5, None, 10**30):
-        with pytest.raises((TypeError, OverflowError)):
+        with pytest.raises(pz.InputError, match="^trial "):
             tolerance.lens(wrong)  # type: ignore[arg-type]
