@@ -26,7 +26,6 @@ use super::rig::{Rig, Turned, check_not_stopped, check_numbers};
 use super::shot::{Each, Taken, placed};
 use crate::context::Context;
 use crate::error::{JobError, Result};
-use crate::event::WarningKind;
 use crate::noted::Noted;
 
 /// Takes all images, and gives each to `each`.
