@@ -539,8 +539,7 @@ mod tests {
         let region = Region { row: 0, col: 0, height: SIDE, width: SIDE };
         let request = Request { regions: vec![region], ..Request::default() };
         edges(&request, "edge", Pixels::Raw(frame), &context).unwrap();
-        let said = lines.0.lock().unwrap().join("\n");
-        said
+        lines.0.lock().unwrap().join("\n")
     }
 
     #[test]
