@@ -65,7 +65,7 @@ const BLACK_SHARE: f64 = 0.01;
 /// Distance from a whole number below which a difference of black levels is whole, DN: levels are decimals.
 const WHOLE_DN: f64 = 1e-6;
 
-/// Difference of two black levels that is reported, as a share of the range to white.
+/// Difference of two black levels that is reported, as a share of the range to saturation.
 const BLACK_DIFFERENCE: f64 = 0.0025;
 
 /// Nodes along a side from which a mesh of shading is fine enough for straight lines between them.
@@ -393,8 +393,8 @@ fn read_exposure(source: Source<'_>, options: &FrameOptions, noted: &Noted<'_>) 
         let time_s = info.exposure_s.unwrap_or(USUAL_TIME_S) as f32;
         dark_mean_dn(sensor, &Exposure { white_e: 1.0, time_s, linear_gain: gain as f32 })
     };
-    let black_dn =
-        black_dn.or(sensor.as_ref().map(of_sensor)).ok_or_else(|| source.missing(&["black_level_dn"]))?;
+    let dark_dn = sensor.as_ref().map(of_sensor);
+    let black_dn = black_dn.or(dark_dn).ok_or_else(|| source.missing(&["black_level_dn"]))?;
     let full_dn = info.white_level_dn.unwrap_or(highest);
     // A calibration that says where the frame saturates counts.
     let full_dn = match calibration.saturation {
@@ -412,7 +412,7 @@ fn read_exposure(source: Source<'_>, options: &FrameOptions, noted: &Noted<'_>) 
     }
     let range = white_dn - black_dn;
     if calibration.black_dn.is_some() || !calibration.black_at_gain.is_empty() {
-        note_black(black_dn, range, info, path, noted);
+        note_black(black_dn, dark_dn, full_dn, info, path, noted);
     }
     let saturation = |response: [f64; 3]| (full_dn - black_dn) / range / strongest(response);
     let about = match &sensor {
@@ -523,14 +523,24 @@ fn note_what_counts(calibration: &FrameCalibration, path: &Path, noted: &Noted<'
     }
 }
 
-/// Says that the black level of a calibration counts where the sidecar states another. A dark current that the sidecar leaves out is less.
-fn note_black(black_dn: f64, range_dn: f64, info: &RawInfo, path: &Path, noted: &Noted<'_>) {
+/// Says that the black level of a calibration counts where the sidecar states another. It may hold the dark current, which the sidecar leaves out: a
+/// level near the dark of a known sensor is right.
+fn note_black(
+    black_dn: f64,
+    dark_dn: Option<f64>,
+    full_dn: f64,
+    info: &RawInfo,
+    path: &Path,
+    noted: &Noted<'_>,
+) {
     let Some(stated_dn) = info.black_level_dn else { return };
-    if (black_dn - stated_dn).abs() > BLACK_DIFFERENCE * range_dn {
+    let is_other = |level_dn: f64| (black_dn - level_dn).abs() > BLACK_DIFFERENCE * (full_dn - stated_dn);
+    if is_other(stated_dn) && dark_dn.is_none_or(is_other) {
         noted.note(
             path.display(),
             format!(
-                "its calibration has a black level of {} DN and counts before `black_level_dn = {stated_dn}` of the sidecar; correct the wrong one",
+                "its calibration has a black level of {} DN and counts before `black_level_dn = {stated_dn}` of the sidecar; correct the wrong one, \
+                 unless dark current makes the difference",
                 (100.0 * black_dn).round() / 100.0
             ),
         );

@@ -249,6 +249,32 @@ fn a_black_level_of_the_calibration_that_contradicts_the_sidecar_is_noted() {
 }
 
 #[test]
+fn the_dark_of_a_simulated_calibration_is_no_other_black_level() {
+    let assets = crate::built_in_assets();
+    let sensor = assets.sensor("imx249-fitted").unwrap();
+    // Little light for white, and much dark current.
+    for (white_e, time_s, linear_gain) in [(200.0, 0.02, 1.0), (20_000.0, 10.0, 1.0), (500.0, 0.02, 32.0)] {
+        let about = FrameData::of_sensor(&sensor, &Exposure { white_e, time_s, linear_gain }).unwrap();
+        let calibration = FrameCalibration::of(&about);
+        let mut frame = frame();
+        frame.info = RawInfo {
+            sensor: Some(sensor.name.clone()),
+            black_level_dn: Some(sensor.black_level_dn),
+            exposure_s: Some(f64::from(time_s)),
+            linear_gain: Some(f64::from(linear_gain)),
+            ..frame.info
+        };
+        let raw = RawInMemory { name: "frame", frame: &frame, calibration: Some(&calibration) };
+        let lines = Arc::new(Lines::default());
+        let context = Context::new(crate::built_in_assets(), lines.clone());
+        let read = frame_in_memory(raw, &FrameOptions::default(), &context).unwrap();
+        assert_eq!(read.about.black_dn, about.black_dn);
+        let said = lines.0.lock().unwrap().clone();
+        assert!(said.iter().all(|line| !line.contains("black level of")), "{said:?}");
+    }
+}
+
+#[test]
 fn a_calibration_beyond_the_registers_of_the_isp_is_warned_of_once_for_many_frames() {
     let matrix = "colour_matrix = [[8.5, -3.75, -3.75], [-3.75, 8.5, -3.75], [-3.75, -3.75, 8.5]]\n";
     let frame = frame();
