@@ -217,8 +217,14 @@ mod tests {
             said.contains("plane 1 has 81.5 at row 1, column 1, and 1 is all light; is it in percent?"),
             "{said}"
         );
-        let brighter = dark.replace("1, 0]", "1, 1.2]");
-        assert!(FrameCalibration::from_toml(&brighter).is_ok());
+        for brighter in ["1, 1.2]", "1, 2.5]"] {
+            assert!(FrameCalibration::from_toml(&dark.replace("1, 0]", brighter)).is_ok(), "{brighter}");
+        }
+        let absolute = fault("response = [0.2, 0.5, 0.4]\n");
+        assert!(
+            absolute.contains("they are [0.4000, 1.0, 0.8000]") && !absolute.contains("percent"),
+            "{absolute}"
+        );
         let both = "black_dn = 3.0\n[[black_at_gain]]\nlinear_gain = 1.0\nblack_dn = 60\n";
         assert!(fault(both).contains("stands beside `black_dn = 3`"), "{}", fault(both));
     }

@@ -17,8 +17,8 @@ const RESPONSE: std::ops::RangeInclusive<f64> = 0.01..=100.0;
 /// Furthest that the response of green may lie from 1, to which the others are relative: more than rounding.
 const GREEN_MARGIN: f64 = 0.01;
 
-/// Largest relative illumination. A lens that is a little brighter beside the middle of its frame stays below it.
-const MOST_SHADE: f32 = 2.0;
+/// Largest relative illumination. Shares of the light stay below it, also of a lens that is brighter beside the middle, and percentages do not.
+const MOST_SHADE: f32 = 10.0;
 
 /// Range of what a row of a colour matrix makes of white; 1 keeps it.
 const MATRIX_WHITE: std::ops::RangeInclusive<f64> = 0.1..=10.0;
@@ -88,8 +88,9 @@ impl FrameCalibration {
         });
         let absolute = self.response.filter(|[_, green, _]| (green - 1.0).abs() > GREEN_MARGIN);
         let relative = absolute.map_or(String::new(), |[red, green, blue]| {
+            let doubt = if green > 1.0 { "; are they in percent?" } else { "" };
             format!(
-                "green is {green}, and must be 1: relative to green they are [{:.4}, 1.0, {:.4}]; are they in percent?",
+                "green is {green}, and must be 1: relative to green they are [{:.4}, 1.0, {:.4}]{doubt}",
                 red / green,
                 blue / green
             )
