@@ -133,9 +133,31 @@ pub(crate) fn undecoded(error: &::image::ImageError) -> String {
         return damaged(&wrong.source().map_or_else(|| wrong.to_string(), ToString::to_string));
     }
     let words = error.to_string();
-    if words.contains("photometric interpretation") {
+    // The decoder names a meaning that it knows and does not read, such as CIELab.
+    if words.contains("unknown photometric interpretation") {
         return "its samples have a meaning that is not read (PhotometricInterpretation); a raw frame is developed by `isp develop`"
             .to_owned();
     }
     words
+}
+
+#[cfg(test)]
+mod tests {
+    use ::image::error::UnsupportedError;
+    use ::image::{ImageError as Undecoded, ImageFormat};
+
+    use super::*;
+
+    #[test]
+    fn a_meaning_of_samples_that_the_decoder_knows_is_named() {
+        let said = |words: &str| {
+            let kind = UnsupportedErrorKind::GenericFeature(words.to_owned());
+            undecoded(&Undecoded::Unsupported(UnsupportedError::from_format_and_kind(
+                ImageFormat::Tiff.into(),
+                kind,
+            )))
+        };
+        assert!(said("unknown photometric interpretation").contains("`isp develop`"));
+        assert!(said("unsupported photometric interpretation \"CIELab\"").contains("CIELab"));
+    }
 }
