@@ -4,7 +4,7 @@ use petzval_optics::glass::{Catalog, Dispersion, Glass};
 use petzval_optics::lens::Lens;
 
 /// Warnings about the glasses of a lens whose names were looked up in a catalogue, one line each. A warning names a wavelength outside the
-/// stated range of a formula, or a name that several makers have given to different glasses.
+/// range of a formula or a table, or a name that several makers have given to different glasses.
 pub fn glass_warnings(lens: &Lens, catalog: &Catalog) -> Vec<String> {
     let mut glasses: Vec<&Glass> = Vec::new();
     for surface in &lens.surfaces {

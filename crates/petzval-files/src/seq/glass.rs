@@ -125,7 +125,7 @@ impl PrivateGlasses {
 }
 
 /// A glass of which the file gives the index at some wavelengths, um, ascending: a formula through three or more of them, see [`ThroughIndices`].
-/// The program of the file has a formula of its own.
+/// CODE V has a formula of its own.
 fn by_indices(name: &str, wavelength_um: Vec<f64>, index: Vec<f64>) -> Private {
     let count = index.len();
     let range_um = match wavelength_um[..] {
@@ -148,7 +148,7 @@ fn by_indices(name: &str, wavelength_um: Vec<f64>, index: Vec<f64>) -> Private {
         let formula = format!("a formula of Schott's with {terms} terms{misses}");
         (
             dispersion,
-            format!("the private glass {name} is read as {formula}; the program has a formula of its own"),
+            format!("the private glass {name} is read as {formula}; CODE V has a formula of its own"),
         )
     } else {
         let why = if count < 3 { "three determine a formula" } else { "their indices do not fall smoothly" };

@@ -166,10 +166,10 @@ impl Glass {
         })
     }
 
-    /// Whether the formula is known not to hold at a wavelength in um, or a table does not reach it. Spectral lines are printed to 1e-5 um, by
-    /// which a wavelength may lie beyond an end.
+    /// Whether the formula is known not to hold at a wavelength in um, or a table does not reach it. Spectral lines are printed to 1e-4 um or finer,
+    /// so a wavelength may lie half of that beyond an end.
     pub fn is_outside_range(&self, wavelength_um: f64) -> bool {
-        const PRINTED_UM: f64 = 1e-5;
+        const PRINTED_UM: f64 = 5e-5;
         let is_inside = |[min, max]: [f64; 2]| (min - PRINTED_UM..=max + PRINTED_UM).contains(&wavelength_um);
         self.known_range_um().is_some_and(|range| !is_inside(range))
     }
@@ -245,8 +245,9 @@ mod tests {
         let table = Dispersion::Table { wavelength_um: vec![0.48613, 0.65627], index: vec![1.52, 1.51] };
         let mut glass = Glass::new("MEASURED", table);
         assert_eq!(glass.known_range_um(), Some([0.48613, 0.65627]));
-        let outside = [0.4358343, LINE_F_UM, 0.55, LINE_C_UM, 0.7].map(|um| glass.is_outside_range(um));
-        assert_eq!(outside, [true, false, false, false, true]);
+        let outside =
+            [0.4358343, 0.4861, LINE_F_UM, 0.55, LINE_C_UM, 0.7].map(|um| glass.is_outside_range(um));
+        assert_eq!(outside, [true, false, false, false, false, true]);
         glass.range_um = Some([0.4, 0.7]);
         assert!(!glass.is_outside_range(0.4358343));
         assert_eq!(Glass::new("FLAT", Dispersion::Constant(1.5)).known_range_um(), None);

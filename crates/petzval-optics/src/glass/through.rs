@@ -4,9 +4,14 @@ use nalgebra::{DMatrix, DVector};
 
 use super::Dispersion;
 
-/// The terms of Schott's formula, each with its power of the wavelength and its place among the coefficients. The first three are those of the
-/// visible; each further point determines the next one.
-const TERMS: [(i32, usize); 6] = [(0, 0), (-2, 2), (-4, 3), (2, 1), (-6, 4), (-8, 5)];
+/// A term of Schott's formula: its power of the wavelength and its place among the coefficients.
+type Term = (i32, usize);
+
+/// The terms in the order in which further points determine them.
+const TERMS: &[Term] = &[(0, 0), (-2, 2), (-4, 3), (2, 1), (-6, 4), (-8, 5)];
+
+/// The three terms where absorption at long wavelengths bends the dispersion more than that at short ones.
+const LONG_WAVES: &[Term] = &[(0, 0), (-2, 2), (2, 1)];
 
 /// The least number of indices that determine a formula.
 const FEWEST: usize = 3;
@@ -30,7 +35,10 @@ impl ThroughIndices {
     /// many of these terms, in this order, as there are indices; of more than six indices it is the least-squares fit in n^2. Terms are left out
     /// from the last until the index is at least 1 and falls with the wavelength over the whole range, as that of a transparent medium does.
     ///
-    /// Through N-BK7 at the lines C, d and F it is right to 2e-5 between them, and to 1.7e-4 at the g line beyond.
+    /// Resonances at short wavelengths make `a_3` positive, those at long ones `a_1` negative. Of three terms the last is therefore `a_1 w^2` where
+    /// `a_3` would be negative, as that of most materials in the infrared.
+    ///
+    /// Through N-BK7 at the lines C, d and F it is right to 1e-5 between them, and to 8e-5 at the g line beyond.
     ///
     /// `None` for fewer than three indices, lists of different lengths, wavelengths that do not ascend from above 0, and where no number of terms
     /// gives such an index within 1e-4 of the measured ones.
@@ -41,32 +49,31 @@ impl ThroughIndices {
             return None;
         }
         let most = index.len().min(TERMS.len());
-        (FEWEST..=most).rev().find_map(|terms| Self::with_terms(wavelength_um, index, terms))
+        let mut lists = (FEWEST..=most).rev().map(|terms| &TERMS[..terms]).chain([LONG_WAVES]);
+        lists.find_map(|terms| Self::with_terms(wavelength_um, index, terms))
     }
 
-    fn with_terms(wavelength_um: &[f64], index: &[f64], terms: usize) -> Option<Self> {
+    fn with_terms(wavelength_um: &[f64], index: &[f64], terms: &[Term]) -> Option<Self> {
         let ends_um = [*wavelength_um.first()?, *wavelength_um.last()?];
         // Wavelengths in units of the middle one keep the powers of similar size.
         let middle_um = (ends_um[0] * ends_um[1]).sqrt();
-        let matrix = DMatrix::from_fn(index.len(), terms, |row, term| {
-            (wavelength_um[row] / middle_um).powi(TERMS[term].0)
+        let matrix = DMatrix::from_fn(index.len(), terms.len(), |row, term| {
+            (wavelength_um[row] / middle_um).powi(terms[term].0)
         });
         let qr = matrix.qr();
         let mut turned = DVector::from_iterator(index.len(), index.iter().map(|n| n * n));
         qr.q_tr_mul(&mut turned);
-        let found = qr.r().solve_upper_triangular(&turned.rows(0, terms).into_owned())?;
+        let found = qr.r().solve_upper_triangular(&turned.rows(0, terms.len()).into_owned())?;
         let mut a = [0.0; 6];
-        for ((power, place), value) in TERMS.into_iter().zip(found.iter()) {
-            a[place] = value / middle_um.powi(power);
+        for ((power, place), value) in terms.iter().zip(found.iter()) {
+            a[*place] = value / middle_um.powi(*power);
         }
+        let bends_as_resonances_do = terms.len() > FEWEST || a[3] >= 0.0;
         let dispersion = Dispersion::Schott(a);
         let misses = wavelength_um.iter().zip(index).map(|(um, n)| (dispersion.index(*um) - n).abs());
         let residual = misses.fold(0.0, f64::max);
-        (residual <= MOST_RESIDUAL && falls(&dispersion, ends_um)).then_some(Self {
-            dispersion,
-            terms,
-            residual,
-        })
+        let is_right = residual <= MOST_RESIDUAL && bends_as_resonances_do && falls(&dispersion, ends_um);
+        is_right.then_some(Self { dispersion, terms: terms.len(), residual })
     }
 }
 
@@ -108,9 +115,29 @@ mod tests {
     fn three_lines_give_the_index_between_them() {
         let fit = through(&[0.4861327, 0.5875618, 0.6562725]);
         for um in [0.5, 0.546074, 0.6328] {
-            assert!((fit.dispersion.index(um) - bk7(um)).abs() < 2e-5, "{um}");
+            assert!((fit.dispersion.index(um) - bk7(um)).abs() < 1e-5, "{um}");
         }
-        assert!((fit.dispersion.index(0.4358343) - bk7(0.4358343)).abs() < 2e-4);
+        assert!((fit.dispersion.index(0.4358343) - bk7(0.4358343)).abs() < 1e-4);
+    }
+
+    /// Absorption at 20 um or more bends the dispersion of zinc selenide (Tatian 1984), and that of N-BK7 beyond the visible.
+    #[test]
+    fn three_indices_of_the_infrared_give_the_index_between_them() {
+        let (b, resonances_um) =
+            (vec![4.45813734, 0.467216334, 2.8956629], [0.200859853, 0.391371166, 47.1362108_f64]);
+        let zinc_selenide = Dispersion::Sellmeier { b, c_um2: resonances_um.map(|um| um * um).to_vec() };
+        let of_zinc_selenide = |um: f64| zinc_selenide.index(um);
+        let cases: [(&dyn Fn(f64) -> f64, [f64; 3]); 3] = [
+            (&of_zinc_selenide, [3.0, 4.0, 5.0]),
+            (&of_zinc_selenide, [8.0, 10.0, 12.0]),
+            (&bk7, [1.0, 1.3, 1.6]),
+        ];
+        for (index, at) in cases {
+            let fit = ThroughIndices::new(&at, &at.map(index)).unwrap();
+            for um in [0.5 * (at[0] + at[1]), 0.5 * (at[1] + at[2])] {
+                assert!((fit.dispersion.index(um) - index(um)).abs() < 5e-5, "{um}: {fit:?}");
+            }
+        }
     }
 
     #[test]
