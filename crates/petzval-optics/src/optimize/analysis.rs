@@ -89,9 +89,9 @@ impl Analysis {
         let written = |&(what, excess_mm): &(Constraint, f64)| {
             let is_edge = matches!(what, Constraint::Edge { .. } | Constraint::AirEdge { .. });
             let at_edge = is_edge.then(|| what.excess_mm(fitted, &SemiDiameters(fitted))).flatten();
-            (what, at_edge.map_or(excess_mm, |mm| mm.max(0.0)))
+            (what, at_edge.unwrap_or(excess_mm))
         };
-        self.violations.iter().map(written).collect()
+        self.violations.iter().map(written).filter(|(_, excess_mm)| *excess_mm > 0.0).collect()
     }
 
     /// RMS spot of each field of [`Analysis::fitted_lens`], um: of the rays that pass its clear apertures, each with its light. `None` if a field has

@@ -698,7 +698,7 @@ fn edges_and_gaps_of_the_start_stay_kept() {
     };
     assert_eq!(broken(&found["start"]["violations_mm"]), 0, "{found}");
     assert_eq!(broken(&found["best"]["violations_mm"]), 0, "{found}");
-    assert!(done.says("break a limit of building which the start keeps"), "{}", done.stderr);
+    assert!(done.says("break a limit of edges and gaps which the start keeps"), "{}", done.stderr);
     // Nor does any other lens of the folder.
     for step in steps(&folder.path().join("run")) {
         assert_eq!(broken(&step["violations"]), 0, "{step}");

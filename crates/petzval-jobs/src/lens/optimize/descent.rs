@@ -132,14 +132,16 @@ pub(super) fn descent(
         match known {
             Some(OnTheWay { best, at, iteration }) => {
                 context.note(format!(
-                    "the descent goes on to lenses that break a limit of building which the start keeps ({what}): the best lens is the last one that keeps it"
+                    "the descent goes on to lenses that break a limit of edges and gaps which the start keeps ({what}): the best lens is the last one that keeps them all"
                 ));
                 if descent.stop != Stop::Interrupted && history.is_better(&best, 0.0) {
                     add(problem, history, &clock, iteration, &best, &at, context)?;
                 }
                 descent = Descent { best, at, ..descent };
             }
-            None => context.note(format!("no lens on the way keeps what the start keeps: {what}")),
+            None => context.note(format!(
+                "no lens on the way keeps all limits of edges and gaps that the start keeps: the best lens breaks one of them ({what})"
+            )),
         }
     }
     if descent.stop == Stop::Interrupted {

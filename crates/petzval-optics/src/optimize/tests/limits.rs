@@ -158,7 +158,7 @@ fn gaps_are_stated_at_the_edges_of_the_file() {
     let limits = Limits { air_gap_mm: Some(5.0), ..Limits::default() };
     let base = nominal_triplet();
     let problem = Problem { limits, ..Problem::new(base.clone()) };
-    let analysis = analyse(&problem, base, None).unwrap();
+    let analysis = analyse(&problem, base.clone(), None).unwrap();
     let written = analysis.fitted_lens(&problem);
     let beside_stop = Constraint::AirEdge { surface: 4, least_mm: 5.0 };
     let of = |found: &[(Constraint, f64)]| found.iter().find(|(what, _)| *what == beside_stop).unwrap().1;
@@ -166,6 +166,15 @@ fn gaps_are_stated_at_the_edges_of_the_file() {
     assert!((of(&analysis.violations) - at_edge).abs() > 1e-4, "the stop has no mount in the file");
     assert_eq!(of(&analysis.violations_at_written_edges(&written)), at_edge);
     assert_eq!(of(&analysis.violations_as_written(&problem, &written)), at_edge);
+    // In front of the stop the gap narrows outwards: the file keeps a limit between the two measures, and no violation is stated.
+    let in_front = |least_mm: f64| Constraint::AirEdge { surface: 3, least_mm };
+    let further_out = analysis.violations.iter().find(|(what, _)| *what == in_front(5.0)).unwrap().1;
+    let as_written = in_front(5.0).excess_mm(&written, &SemiDiameters(&written)).unwrap();
+    let least_mm = 5.0 - 0.5 * (further_out + as_written);
+    let problem = Problem { limits: Limits { air_gap_mm: Some(least_mm), ..Limits::default() }, ..problem };
+    let analysis = analyse(&problem, base, None).unwrap();
+    let has = |found: &[(Constraint, f64)]| found.iter().any(|(what, _)| *what == in_front(least_mm));
+    assert!(has(&analysis.violations) && !has(&analysis.violations_at_written_edges(&written)));
 }
 
 /// Further constraints are kept at the clear radii that the lens has.
