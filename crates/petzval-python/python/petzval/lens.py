@@ -426,8 +426,8 @@ class Lens:
             element_edge_mm: Least edge thickness of elements, mm; ``None`` for no limit, as in all limits.
             element_centre_mm: Least thickness of elements on the axis, mm.
             air_gap_mm: Least air between surfaces, mm.
-            back_focal_mm: Least and greatest back focal length, mm.
-            track_mm: Greatest distance from the first vertex to the image plane, mm.
+            back_focal_mm: Least and greatest back focal length, mm, positive in the direction of the light.
+            track_mm: Greatest distance between any two of the vertices and the image plane, mm; in space where mirrors bend the axis.
             distortion: Greatest distortion of the outermost field, a share.
             held_field_deg: A field whose image height stays as it is, degrees: it holds the field of view.
             held_share: By how much of itself that height may change.
