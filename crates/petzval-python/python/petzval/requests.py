@@ -46,8 +46,8 @@ class DesignRunRun1NewNewRun(TypedDict, total=False):
 class DesignRunRun1NewNewRunChangesChanges(TypedDict, total=False):
     """What differs from the file of an experiment."""
     data: str | None
-    """Folder of pictures with boxes in COCO format, in which objects are to be found, in place of the experiment's
-    scenes."""
+    """Labelled pictures in place of the experiment's scenes: a folder of pictures with boxes in COCO format, or with
+    label images for a segmentation."""
     is_full: bool
     """Take the budget of a night on a GPU, see `Experiment::to_full_size`; then `steps` must be none."""
     photos: str | None
@@ -119,8 +119,8 @@ class DesignCheckRunNewRun(TypedDict, total=False):
 class DesignCheckRunNewRunChangesChanges(TypedDict, total=False):
     """What differs from the file of an experiment."""
     data: str | None
-    """Folder of pictures with boxes in COCO format, in which objects are to be found, in place of the experiment's
-    scenes."""
+    """Labelled pictures in place of the experiment's scenes: a folder of pictures with boxes in COCO format, or with
+    label images for a segmentation."""
     is_full: bool
     """Take the budget of a night on a GPU, see `Experiment::to_full_size`; then `steps` must be none."""
     photos: str | None
@@ -169,8 +169,8 @@ class DesignConfigRunNewRun(TypedDict, total=False):
 class DesignConfigRunNewRunChangesChanges(TypedDict, total=False):
     """What differs from the file of an experiment."""
     data: str | None
-    """Folder of pictures with boxes in COCO format, in which objects are to be found, in place of the experiment's
-    scenes."""
+    """Labelled pictures in place of the experiment's scenes: a folder of pictures with boxes in COCO format, or with
+    label images for a segmentation."""
     is_full: bool
     """Take the budget of a night on a GPU, see `Experiment::to_full_size`; then `steps` must be none."""
     photos: str | None
@@ -650,8 +650,8 @@ class ExperimentRunAll(TypedDict, total=False):
 class ExperimentRunAllChangesChanges(TypedDict, total=False):
     """What differs from the file of an experiment."""
     data: str | None
-    """Folder of pictures with boxes in COCO format, in which objects are to be found, in place of the experiment's
-    scenes."""
+    """Labelled pictures in place of the experiment's scenes: a folder of pictures with boxes in COCO format, or with
+    label images for a segmentation."""
     is_full: bool
     """Take the budget of a night on a GPU, see `Experiment::to_full_size`; then `steps` must be none."""
     photos: str | None
@@ -719,7 +719,8 @@ class Evaluate(TypedDict, total=False):
     """Files or folders of the run, by their path below it, that may differ from their digests."""
     data: str | None
     """Labelled pictures: those of the run where they are now, or others, none of which is kept for training. A
-    folder or a file of annotations. `street.held_out` of the run is the number of windows that are scored."""
+    folder or a file of annotations in COCO format, or a folder of pictures with label images. `street.held_out`
+    of the run is the number of windows that are scored."""
     device: str
     """Where tensors live."""
     made: "EvaluateMade1Made" | None
@@ -1116,7 +1117,7 @@ class LensViewGoalGoal(TypedDict, total=False):
     air: float | None
     """Least air between elements, on the axis and at the edge, mm, 0.01 at least. Unit: mm."""
     bfl: list[float]
-    """Least and greatest back focal length, mm; empty for none. Unit: mm."""
+    """Least and greatest back focal length, mm, positive in the direction of the light; empty for none. Unit: mm."""
     centre: float | None
     """Least centre thickness of every element, mm. Unit: mm."""
     chief_ray_angle: float | None
@@ -1719,7 +1720,7 @@ class LensOptimizeStartStart1NewGoalGoal(TypedDict, total=False):
     air: float | None
     """Least air between elements, on the axis and at the edge, mm, 0.01 at least. Unit: mm."""
     bfl: list[float]
-    """Least and greatest back focal length, mm; empty for none. Unit: mm."""
+    """Least and greatest back focal length, mm, positive in the direction of the light; empty for none. Unit: mm."""
     centre: float | None
     """Least centre thickness of every element, mm. Unit: mm."""
     chief_ray_angle: float | None
