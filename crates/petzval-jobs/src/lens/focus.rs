@@ -207,8 +207,9 @@ pub(super) fn colours_out_of_best_focus(lens: &Lens) -> Option<String> {
 /// [`out_of_focus`] for verbs that have no choice of the focus.
 pub(crate) fn focus_elsewhere(name: &str, lens: &Lens) -> Option<String> {
     let Defocus { moved_mm, rms_spot_um: here, best_rms_spot_um: there } = defocus(lens)?;
+    let (by_mm, to) = (moved_mm.abs(), if moved_mm < 0.0 { "nearer" } else { "further away" });
     Some(format!(
-        "out of focus: the RMS spot over the fields is {here:.1} um, and {there:.1} um where the image plane lies {moved_mm:+.4} mm further; \
+        "out of focus: the RMS spot over the fields is {here:.1} um, and {there:.1} um where the image plane lies {by_mm:.4} mm {to}; \
          `petzval lens focus {} OUT.toml` writes the lens with its image plane there",
         pasted(Path::new(name))
     ))
