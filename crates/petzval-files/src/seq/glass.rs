@@ -124,7 +124,7 @@ impl PrivateGlasses {
     }
 }
 
-/// A glass of which the file gives the index at some wavelengths, um, ascending: a formula through three or more of them, see [`ThroughIndices`].
+/// A glass by its indices at wavelengths in um, ascending. Three or more of them give a formula, see [`ThroughIndices`].
 /// CODE V has a formula of its own.
 fn by_indices(name: &str, wavelength_um: Vec<f64>, index: Vec<f64>) -> Private {
     let count = index.len();
