@@ -1,4 +1,4 @@
-//! Automatic exposure: by how many stops the next frame should be brighter, or a finished frame is amplified.
+//! Automatic exposure: by how many stops a finished frame is amplified.
 
 use super::statistics::{Statistics, Zone};
 
@@ -9,13 +9,11 @@ pub struct ExposureOptions {
     pub middle: f64,
     /// Share of the pixels of a colour that may saturate, 0..1.
     pub highlights: f64,
-    /// Largest change from one frame to the next, stops. A finished frame has no such limit.
-    pub most_ev: f64,
 }
 
 impl Default for ExposureOptions {
     fn default() -> Self {
-        Self { middle: 0.18, highlights: 0.005, most_ev: 3.0 }
+        Self { middle: 0.18, highlights: 0.005 }
     }
 }
 
@@ -25,27 +23,10 @@ const LEAST_LUMINANCE: f64 = 1e-5;
 /// Share of the range that highlights may reach.
 const HIGHLIGHT_LEVEL: f64 = 0.95;
 
-/// Step back while too many pixels are saturated: how bright they are cannot be known.
-const SATURATED_STEP_EV: f64 = -1.0;
-
-/// Stops by which the next frame should be exposed more (positive) or less.
+/// Stops by which a finished frame is amplified, in one step.
 ///
 /// `ev = log2(middle / exp(mean ln Y))` over the zones, with the luminance `Y = 0.2126 R + 0.7152 G + 0.0722 B` of colours over the
 /// `response` to white, but at most what leaves all but the given share of highlights below the end of the range.
-pub fn auto_exposure_ev(statistics: &Statistics, response: [f64; 3], options: &ExposureOptions) -> f64 {
-    // The pixels of no colour must pass the end of the range.
-    let brightest = (0..3).map(|c| statistics.quantile(c, options.highlights)).fold(0.0, f64::max);
-    let guard = if brightest >= 0.98 * statistics.full {
-        SATURATED_STEP_EV
-    } else {
-        highlight_ev(statistics, brightest)
-    };
-    let wanted = middle_ev(statistics, response, options.middle);
-    wanted.min(guard).clamp(-options.most_ev, options.most_ev)
-}
-
-/// Stops by which a finished frame is amplified: `ev` as in [`auto_exposure_ev`], in one step.
-///
 /// `response` is that of the balance by which the frame is developed. Highlights are those of balanced colours, which end where the first
 /// colour saturates.
 pub fn finished_exposure_ev(statistics: &Statistics, response: [f64; 3], options: &ExposureOptions) -> f64 {
@@ -76,43 +57,6 @@ mod tests {
     use super::super::statistics::tests::frame;
     use super::*;
 
-    fn ev(light: impl Fn(usize, usize, usize) -> f64) -> f64 {
-        let frame = frame(light);
-        auto_exposure_ev(
-            &Statistics::of_frame(&frame).unwrap(),
-            frame.about.response,
-            &ExposureOptions::default(),
-        )
-    }
-
-    #[test]
-    fn a_gray_scene_comes_to_the_middle() {
-        for stops in [-2.0_f64, -1.0, 0.0, 1.0, 2.0] {
-            let change = ev(|_, _, _| 0.18 * stops.exp2());
-            assert!((change + stops).abs() < 0.02, "{stops}: {change}");
-        }
-        // Half the zones two stops above, half two stops below: the middle of the logarithms. The seventh of fifteen columns is dark.
-        let change = ev(|_, col, _| if col < 80 { 0.045 } else { 0.72 });
-        assert!((change - 4.0 * (8.0 / 15.0 - 0.5)).abs() < 0.02, "{change}");
-    }
-
-    #[test]
-    fn highlights_hold_the_exposure_back() {
-        // A dark scene with a window of 2 % of the pixels at half the range: nearly one stop is free.
-        let change = ev(|row, col, _| if row < 24 && col < 20 { 2.0 } else { 0.01 });
-        assert!((change - (0.95_f64 * 3.995 / 2.0).log2()).abs() < 0.01, "{change}");
-        // A window that saturates takes a stop back at a time, though the scene is dark.
-        assert_eq!(ev(|row, col, _| if row < 24 && col < 20 { 50.0 } else { 0.01 }), -1.0);
-        // A lamp of a few pixels does not count.
-        assert!(ev(|row, col, _| if row < 4 && col < 6 { 50.0 } else { 0.09 }) > 0.9);
-    }
-
-    #[test]
-    fn black_and_white_frames_change_by_the_bound() {
-        assert_eq!(ev(|_, _, _| 0.0), 3.0);
-        assert_eq!(ev(|_, _, _| 1000.0), -3.0);
-    }
-
     fn finished_ev(response: [f64; 3], light: impl Fn(usize, usize, usize) -> f64) -> f64 {
         let statistics = Statistics::of_frame(&frame(light)).unwrap();
         finished_exposure_ev(&statistics, response, &ExposureOptions::default())
@@ -124,6 +68,19 @@ mod tests {
             let change = finished_ev([0.5, 1.0, 0.7], |_, _, _| 0.18 * stops.exp2());
             assert!((change + stops).abs() < 0.02, "{stops}: {change}");
         }
+    }
+
+    #[test]
+    fn half_the_zones_above_and_half_below_meet_at_the_middle_of_their_logarithms() {
+        // The seventh of fifteen columns of zones is dark.
+        let change = finished_ev([0.5, 1.0, 0.7], |_, col, _| if col < 80 { 0.045 } else { 0.72 });
+        assert!((change - 4.0 * (8.0 / 15.0 - 0.5)).abs() < 0.02, "{change}");
+    }
+
+    #[test]
+    fn a_lamp_of_a_few_pixels_does_not_hold_the_exposure_back() {
+        let change = finished_ev([0.5, 1.0, 0.7], |row, col, _| if row < 4 && col < 6 { 50.0 } else { 0.09 });
+        assert!(change > 0.9, "{change}");
     }
 
     #[test]

@@ -25,7 +25,7 @@ mod width_tests;
 mod ycbcr_output;
 
 pub use auto_balance::{BalanceGains, BalanceMethod, BalanceOptions, auto_balance};
-pub use auto_exposure::{ExposureOptions, auto_exposure_ev, finished_exposure_ev};
+pub use auto_exposure::{ExposureOptions, finished_exposure_ev};
 pub use clipped::Clipped;
 pub use dewarp_map::DewarpMap;
 pub use error::IspError;

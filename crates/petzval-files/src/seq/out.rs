@@ -142,6 +142,16 @@ impl<'a> Out<'a> {
                     return Err(surface_error(i + 1, message).hint(hint));
                 }
             }
+            // A table's range is that of its wavelengths, which are written.
+            let read_again = Glass::new(&name, glass.dispersion.clone()).known_range_um();
+            if let Some([least, most]) = glass.known_range_um().filter(|range| Some(*range) != read_again) {
+                let message = format!(
+                    "the glass {name} loses the wavelengths from which its index is known, {} to {} um",
+                    number(least),
+                    number(most)
+                );
+                self.losses.of_surface(i + 1, Effect::NoRay, message);
+            }
             self.private.push((name, glass));
         }
         if !lines.is_empty() {
