@@ -1,15 +1,18 @@
-//! Coefficients of a frame that the registers of the automotive ISP cut off.
+//! Coefficients and light of a frame that the registers of the automotive ISP cut off.
 //!
 //! Calibration and parameters together give each coefficient, such as `gain / response` of the white balance. The fixed-point form cuts it
 //! off at the end of its register, as a chip does; the floating-point form does not.
 
 use std::fmt;
 
-use super::fixed::{GAIN, WEIGHT};
-use super::{FrameData, HardwareIsp};
+use super::fixed::{GAIN, LINEAR, WEIGHT};
+use super::{FrameData, HardwareIsp, RawInput};
 use crate::sensor::Colour;
 
-/// A coefficient that its register cuts off. [`Display`](fmt::Display) names the value, what fits, and the effect, on one
+/// Share of a frame's pixels that may be brighter than the registers hold: lamps and reflections.
+const BRIGHT_SHARE: f64 = 1e-3;
+
+/// A coefficient, or light, that its register cuts off. [`Display`](fmt::Display) names the value, what fits, and the effect, on one
 /// line that follows `its`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Clipped {
@@ -44,6 +47,13 @@ pub enum Clipped {
         /// The largest that fits, pixels.
         largest_px: f64,
     },
+    /// The light of many pixels.
+    Light {
+        /// Share of the pixels, 0..1.
+        share: f64,
+        /// The brightest that fits, 1 = white.
+        largest: f64,
+    },
 }
 
 impl fmt::Display for Clipped {
@@ -71,6 +81,12 @@ impl fmt::Display for Clipped {
                 f,
                 "dewarp moves pixels by up to {value_px:.0}, and the registers of the automotive ISP hold {largest_px:.0} at most: distortion remains there; check `warp` in the calibration"
             ),
+            Self::Light { share, largest } => write!(
+                f,
+                "light is more than {largest:.0} times white in {:.1} % of the pixels: the registers of the automotive ISP hold no more, and these pixels become \
+                 equally bright; a higher `--white-dn` keeps them apart",
+                100.0 * share
+            ),
         }
     }
 }
@@ -81,6 +97,17 @@ impl HardwareIsp {
     pub fn clipped(&self, about: &FrameData) -> Vec<Clipped> {
         let gains = self.clipped_gain(about);
         gains.into_iter().chain(self.clipped_matrix(about)).chain(self.clipped_warp(about)).collect()
+    }
+
+    /// The light of a frame that the registers cut off, if it is that of more than a thousandth of the pixels.
+    pub fn clipped_light(frame: &RawInput) -> Option<Clipped> {
+        let about = &frame.about;
+        let largest = LINEAR.value(LINEAR.max);
+        let most_dn = about.black_dn + largest * (about.white_dn - about.black_dn);
+        let light_dn = |dn: u32| about.companding.as_ref().map_or(dn, |companding| companding.expand(dn));
+        let brighter = frame.dn.iter().filter(|dn| f64::from(light_dn(**dn)) > most_dn).count();
+        let share = brighter as f64 / frame.dn.len().max(1) as f64;
+        (share > BRIGHT_SHARE).then_some(Clipped::Light { share, largest })
     }
 
     fn clipped_gain(&self, about: &FrameData) -> Option<Clipped> {
@@ -120,6 +147,7 @@ impl HardwareIsp {
 mod tests {
     use super::*;
     use crate::isp::{IspSettings, Mesh, NoiseProfile};
+    use crate::sensor::CfaPattern;
 
     fn about() -> FrameData {
         FrameData {
@@ -189,6 +217,27 @@ mod tests {
         // The parameter counts with the calibration.
         isp.settings.white_balance.red = 0.25;
         assert!(isp.clipped(&faint).is_empty());
+    }
+
+    #[test]
+    fn light_of_many_pixels_beyond_its_register_is_named() {
+        let frame = |bright: usize| {
+            let mut dn = vec![200; 64 * 64];
+            dn[..bright].fill(1700);
+            let about = FrameData { black_dn: 0.0, white_dn: 100.0, ..about() };
+            RawInput { height: 64, width: 64, dn, bits: 12, cfa: CfaPattern::RGGB, about }
+        };
+        let found = HardwareIsp::clipped_light(&frame(41)).unwrap();
+        assert_eq!(found, Clipped::Light { share: 41.0 / 4096.0, largest: LINEAR.value(LINEAR.max) });
+        assert!(
+            found.to_string().starts_with("light is more than 16 times white in 1.0 % of the pixels"),
+            "{found}"
+        );
+        // A lamp of four pixels is no mistake, and white can be chosen.
+        assert_eq!(HardwareIsp::clipped_light(&frame(4)), None);
+        let mut chosen = frame(41);
+        chosen.about.white_dn = 110.0;
+        assert_eq!(HardwareIsp::clipped_light(&chosen), None);
     }
 
     #[test]

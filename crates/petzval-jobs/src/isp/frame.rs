@@ -601,14 +601,15 @@ fn warn_of_black(dn: &[u32], about: &FrameData, path: &Path, noted: &Noted<'_>) 
     }
 }
 
-/// Warns of coefficients of a frame that the registers of an ISP cut off at these values of its parameters.
+/// Warns of coefficients and light of a frame that the registers of an ISP cut off at these values of its parameters.
 pub(super) fn warn_of_clipped(
     (isp, values): (&NamedIsp, &[f64]),
     frame: &RawInput,
     path: &Path,
     noted: &Noted<'_>,
 ) -> Result<()> {
-    for clipped in isp.clipped(&frame.about, values).map_err(about_frame(path))? {
+    let coefficients = isp.clipped(&frame.about, values).map_err(about_frame(path))?;
+    for clipped in coefficients.into_iter().chain(isp.clipped_light(frame)) {
         noted.warning(path.display(), WarningKind::RawFrame, format!("its {clipped}"));
     }
     Ok(())

@@ -253,6 +253,11 @@ impl NamedIsp {
         Ok(HardwareIsp { settings }.clipped(about))
     }
 
+    /// The light of a frame that the registers of the built-in ISP cut off, if it is that of many pixels.
+    pub fn clipped_light(&self, frame: &RawInput) -> Option<Clipped> {
+        matches!(self.kind, Kind::BuiltIn { .. }).then(|| HardwareIsp::clipped_light(frame))?
+    }
+
     /// How long each stage of the built-in ISP takes on a frame, s: medians of some runs. Other ISPs have no stages.
     pub fn stage_times(&self, frame: &RawInput, values: &[f64]) -> Result<Vec<(&'static str, f64)>> {
         let Kind::BuiltIn { isp, .. } = &self.kind else { return Ok(Vec::new()) };

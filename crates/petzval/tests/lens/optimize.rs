@@ -387,8 +387,12 @@ fn a_search_never_returns_less_than_its_start() {
     // Glasses that do not suit the lens: its own must stay.
     let search =
         ["lens", "optimize", "lens.toml", "--global", "--rounds", "1", "--glass", "3=F2,SF4", "--json"];
-    let limited = run_ok(folder.path(), &[&search[..], &["--out", "run"]].concat());
+    let limited = run_ok(folder.path(), &[&search[..], &["--out", "run", "--trade"]].concat());
     let found = limited.json();
+    // A search with further requirements is the same search: its lenses are measured alike, and keep the edges and gaps of the start.
+    assert_eq!(found["trades"][0]["mean_rms_um"], found["best"]["mean_rms_spot_um"], "{found}");
+    assert!(found["trades"].as_array().unwrap().len() == 6, "{found}");
+    assert!(!limited.says("not kept: air at the edge"), "{}", limited.stderr);
     let spot = |found: &serde_json::Value, which: &str| found[which]["mean_rms_spot_um"].as_f64().unwrap();
     assert!(spot(&found, "best") <= spot(&found, "start"), "{found}");
     assert!(limited.says("start  "), "{}", limited.stderr);

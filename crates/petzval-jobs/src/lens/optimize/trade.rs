@@ -3,8 +3,12 @@
 use std::time::Instant;
 
 use petzval_files::LensFile;
-use petzval_optics::optimize::{Search, SearchOptions};
+use petzval_optics::lens::validate;
+use petzval_optics::optimize::{Analysis, Problem, Search, SearchOptions};
 
+use super::at_the_start;
+use super::buildable::newly_broken;
+use super::figures::Figures;
 use super::goal::Goal;
 use super::history::Config;
 use super::progress::{line, not_optimisable, violations, with_more_rays};
@@ -22,7 +26,14 @@ pub(super) fn check_trade(config: &Config) -> Result<()> {
     }
 }
 
-/// Searches again with each further requirement. What the goal demands more strictly stays.
+/// A found lens with more rays; `None` if it cannot be built, or breaks an edge or a gap which the lens at the start keeps.
+fn buildable(problem: &Problem, start: Option<&Analysis>, found: &Analysis) -> Option<Analysis> {
+    let fine = with_more_rays(problem, &found.lens)?;
+    let is_built = newly_broken(start, &fine).is_none() && validate(&fine.fitted_lens(problem)).is_ok();
+    is_built.then_some(fine)
+}
+
+/// Searches again with each further requirement. What the goal demands more strictly stays. As in the search itself the lens at the start competes.
 pub(super) fn trades(
     config: &Config,
     file: &LensFile,
@@ -59,6 +70,10 @@ pub(super) fn trades(
         let options = SearchOptions { seed: config.seed, ..SearchOptions::default() };
         let mut search = Search::new(&problem, options).map_err(|e| not_optimisable(&e))?;
         let began = Instant::now();
+        let start = at_the_start(&problem);
+        let own = search.own_lens().ok();
+        let mut best = own.and_then(|own| buildable(&problem, start.as_ref(), &own.analysis));
+        let mut examined = f64::INFINITY;
         for done in 0..rounds {
             context.progress(done, rounds, requirement);
             if context.is_cancelled() {
@@ -68,13 +83,17 @@ pub(super) fn trades(
                 break;
             }
             search.advance();
+            let found = search.best().map(|found| &found.analysis).filter(|found| found.merit < examined);
+            let Some(found) = found else { continue };
+            examined = found.merit;
+            let fine = buildable(&problem, start.as_ref(), found);
+            best = [best, fine].into_iter().flatten().min_by(|a, b| a.merit.total_cmp(&b.merit));
         }
-        let Some(best) = search.best() else { continue };
-        let Some(best) = with_more_rays(&problem, &best.analysis.lens) else { continue };
+        let Some(best) = best else { continue };
         context.note(line(requirement, began.elapsed().as_secs_f64(), &problem, &best));
         trades.push(Trade {
             requirement: requirement.to_owned(),
-            mean_rms_um: best.mean_rms_um(),
+            mean_rms_um: Figures::new(&problem, &best).mean_rms_spot_um,
             violations: violations(&best),
         });
     }
