@@ -18,15 +18,14 @@ use petzval_base::simd::level;
 use petzval_design::assets::Assets;
 use petzval_design::error::DesignError;
 use petzval_files::{LensFile, OperandFile, parse_operands};
-use petzval_optics::design_space::{AtBound, Focus};
+use petzval_optics::design_space::AtBound;
 use petzval_optics::lens::{Lens, validate};
-use petzval_optics::optimize::{Analysis, LevenbergOptions, Limits, Problem, Search, SearchOptions, descend};
+use petzval_optics::optimize::{Analysis, LevenbergOptions, Problem, Search, SearchOptions, descend};
 use petzval_optics::paraxial::first_order;
 
 use self::descent::descent;
-use self::figures::is_restored;
 use self::history::{Config, History};
-use self::progress::{Upto, named_violations, not_optimisable, only_image_plane};
+use self::progress::{Upto, at_the_start, named_violations, not_optimisable};
 use self::request::{ITERATIONS, ROUNDS};
 use self::search::search;
 use self::trade::{check_trade, trades};
@@ -376,26 +375,4 @@ fn why_not_held(problem: &Problem, file: &LensFile) -> String {
         "of the radii that the file lets vary, none is free to hold it; {}",
         goal::how_to_hold(file, efl_mm)
     )
-}
-
-/// The lens at the start with more rays, its image plane where the spots are least, or the error after restoration: an operand or a limit such as a
-/// short track would only defocus it.
-fn at_the_start(problem: &Problem) -> Option<Analysis> {
-    // A search begins with the variables inside their bounds, and with what pickups and solves make of the lens.
-    let begin = problem.space().ok().and_then(|space| space.lens_at(&space.start()).ok());
-    let problem = &Problem { base: begin.unwrap_or_else(|| problem.base.clone()), ..problem.clone() };
-    let of_the_picture: Vec<_> = problem.goals.iter().filter(|goal| is_restored(goal)).cloned().collect();
-    let spot_weight = if of_the_picture.is_empty() { 1.0 } else { 0.0 };
-    let without_demands = Problem {
-        spot_weight,
-        goals: of_the_picture,
-        further: Vec::new(),
-        limits: Limits::default(),
-        ..only_image_plane(problem)
-    };
-    let options = LevenbergOptions::default();
-    let focused = descend(&without_demands, &options, &mut |_, _, _| true).ok()?.best.lens;
-    let as_it_is = Problem { base: focused, focus: Focus::Fixed, ..only_image_plane(problem) };
-    let no_step = LevenbergOptions { iterations: 0, ..LevenbergOptions::default() };
-    descend(&as_it_is, &no_step, &mut |_, _, _| true).ok().map(|d| d.best)
 }

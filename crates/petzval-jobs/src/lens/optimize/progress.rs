@@ -2,10 +2,10 @@
 
 use std::time::{Duration, Instant};
 
-use petzval_optics::design_space::{DesignSpaceError, Solves};
+use petzval_optics::design_space::{DesignSpaceError, Focus, Solves};
 use petzval_optics::lens::Lens;
 use petzval_optics::merit::SpotResiduals;
-use petzval_optics::optimize::{Analysis, Descent, LevenbergOptions, Problem, descend};
+use petzval_optics::optimize::{Analysis, Descent, LevenbergOptions, Limits, Problem, descend};
 use petzval_optics::pupil::PupilSampling;
 
 use super::figures::{VIOLATED_MM, is_restored, violation_in_words};
@@ -66,6 +66,28 @@ pub(super) fn not_optimisable(error: &DesignSpaceError) -> JobError {
 pub(super) fn with_more_rays(problem: &Problem, lens: &Lens) -> Option<Analysis> {
     let only_image_plane = Problem { base: lens.clone(), ..only_image_plane(problem) };
     descend(&only_image_plane, &LevenbergOptions::default(), &mut |_, _, _| true).ok().map(|d| d.best)
+}
+
+/// The lens at the start with more rays, its image plane where the spots are least, or the error after restoration: an operand or a limit such as a
+/// short track would only defocus it.
+pub(super) fn at_the_start(problem: &Problem) -> Option<Analysis> {
+    // A search begins with the variables inside their bounds, and with what pickups and solves make of the lens.
+    let begin = problem.space().ok().and_then(|space| space.lens_at(&space.start()).ok());
+    let problem = &Problem { base: begin.unwrap_or_else(|| problem.base.clone()), ..problem.clone() };
+    let of_the_picture: Vec<_> = problem.goals.iter().filter(|goal| is_restored(goal)).cloned().collect();
+    let spot_weight = if of_the_picture.is_empty() { 1.0 } else { 0.0 };
+    let without_demands = Problem {
+        spot_weight,
+        goals: of_the_picture,
+        further: Vec::new(),
+        limits: Limits::default(),
+        ..only_image_plane(problem)
+    };
+    let options = LevenbergOptions::default();
+    let focused = descend(&without_demands, &options, &mut |_, _, _| true).ok()?.best.lens;
+    let as_it_is = Problem { base: focused, focus: Focus::Fixed, ..only_image_plane(problem) };
+    let no_step = LevenbergOptions { iterations: 0, ..LevenbergOptions::default() };
+    descend(&as_it_is, &no_step, &mut |_, _, _| true).ok().map(|d| d.best)
 }
 
 /// A lens as it is, under a problem; `None` if its rays are lost.

@@ -6,12 +6,11 @@ use petzval_files::LensFile;
 use petzval_optics::lens::validate;
 use petzval_optics::optimize::{Analysis, Problem, Search, SearchOptions};
 
-use super::at_the_start;
 use super::buildable::newly_broken;
 use super::figures::Figures;
 use super::goal::Goal;
 use super::history::Config;
-use super::progress::{line, not_optimisable, violations, with_more_rays};
+use super::progress::{at_the_start, line, not_optimisable, violations, with_more_rays};
 use super::request::{ROUNDS, Request, Trade};
 use crate::context::Context;
 use crate::error::{JobError, Result};
