@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use petzval_base::parameter::Parameters;
+use petzval_base::table::Interval;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -185,12 +186,9 @@ impl IspPreset {
 
 /// The value at `x` between points in ascending order; beyond them that of the last; none without points.
 fn interpolated(points: &[(f64, f64)], x: f64) -> Option<f64> {
-    let next = points.partition_point(|p| p.0 <= x);
-    if next == 0 || next == points.len() {
-        return points.get(next.saturating_sub(1)).map(|p| p.1);
-    }
-    let ((x0, y0), (x1, y1)) = (points[next - 1], points[next]);
-    Some(y0 + (y1 - y0) * (x - x0) / (x1 - x0))
+    let (first, last) = (points.first()?, points.last()?);
+    let around = Interval::around(x.clamp(first.0, last.0), points.len(), |i| points[i].0);
+    Some(around.map_or(first.1, |around| around.mean(|i| points[i].1)))
 }
 
 #[cfg(test)]

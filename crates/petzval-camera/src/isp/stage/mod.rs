@@ -6,8 +6,6 @@ pub mod colour;
 pub mod colour_denoise;
 pub mod defects;
 pub mod demosaic;
-mod demosaic_directional;
-mod demosaic_ratio;
 pub mod dewarp;
 pub mod gain;
 pub mod gamma;

@@ -1,9 +1,9 @@
 //! The directional method of Menon, Andriani and Calvagno (IEEE TIP 16(1), 2007) with its refinement, in whole numbers.
 //!
-//! `isp/demosaic/menon.rs` explains the steps, in floating point. Here each step makes a grid. One number per pixel holds the direction of
+//! `develop/demosaic/menon.rs` explains the steps, in floating point. Here each step makes a grid. One number per pixel holds the direction of
 //! interpolation: 1 along the column, 0 along the row.
 
-use super::super::fixed::{Around, Grid, ROOT, shift_round};
+use crate::isp::fixed::{Around, Grid, ROOT, shift_round};
 use crate::sensor::CfaPattern;
 
 /// A third, 12 bits behind the point: as many as leave room for three differences of roots.

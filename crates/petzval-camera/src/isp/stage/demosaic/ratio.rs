@@ -1,12 +1,12 @@
 //! Ratio-corrected demosaicing (L. Sanz Rodriguez 2017), in whole numbers and on the tape.
 //!
-//! The steps are those of the floating-point version, which `isp/demosaic/rcd.rs` explains. A share of two sides or of two directions has
+//! The steps are those of the floating-point version, which `develop/demosaic/rcd.rs` explains. A share of two sides or of two directions has
 //! 12 bits and costs one division.
 
 use burn::prelude::*;
 
-use super::super::fixed::{COLOUR, Grid, Pixel, ROOT, shift_round};
-use super::super::tape_grid::{Stencil, colour_mask};
+use crate::isp::fixed::{COLOUR, Grid, Pixel, ROOT, shift_round};
+use crate::isp::tape_grid::{Stencil, colour_mask};
 use crate::sensor::{CfaPattern, Colour};
 
 /// Rows down and columns to the right.

@@ -2,20 +2,22 @@
 //!
 //! The methods are those of [`Demosaic`](crate::develop::Demosaic), in whole numbers. They are the mean of neighbours, the filters of
 //! Malvar, He and Cutler (ICASSP 2004), the directional method of Menon, Andriani and Calvagno (2007) with its refinement, in
-//! `demosaic_directional.rs`, and ratio-corrected demosaicing (2017), in `demosaic_ratio.rs`. The differences of red and blue from green
+//! `directional.rs`, and ratio-corrected demosaicing (2017), in `ratio.rs`. The differences of red and blue from green
 //! are then pulled towards their median over 3x3 pixels, which takes single pixels of wrong colour at edges out (W. T. Freeman, US patent
 //! 4,724,395, 1988).
+
+mod directional;
+mod ratio;
 
 use std::sync::Arc;
 
 use burn::prelude::*;
 
-use super::super::fixed::{Around, Grid, ROOT, WEIGHT, shift_round};
-use super::super::tape_grid::{Stencil, Theta};
-use super::demosaic_directional::directional;
-use super::demosaic_ratio;
+use self::directional::directional;
 use crate::develop::Demosaic;
 use crate::image::{CHANNELS, LinearImage};
+use crate::isp::fixed::{Around, Grid, ROOT, WEIGHT, shift_round};
+use crate::isp::tape_grid::{Stencil, Theta};
 use crate::render::Placement;
 use crate::sensor::CfaPattern;
 use crate::tape::{Kernel, View, apply};
@@ -33,7 +35,7 @@ pub fn fixed(method: Demosaic, mosaic: &Grid<i16>, cfa: CfaPattern) -> [Grid<i16
     match method {
         Demosaic::Bilinear => linear(mosaic, cfa, false),
         Demosaic::Malvar => linear(mosaic, cfa, true),
-        Demosaic::Rcd => demosaic_ratio::fixed(mosaic, cfa),
+        Demosaic::Rcd => ratio::fixed(mosaic, cfa),
         Demosaic::Menon => directional(mosaic, cfa),
     }
 }
@@ -178,7 +180,7 @@ impl FalseColour {
 /// Demosaicing on the tape: `[1, 1, height, width]` to the three colours, by the methods in floating point. The array is Bayer's.
 pub fn smooth(method: Demosaic, mosaic: Tensor<4>, cfa: CfaPattern) -> [Tensor<4>; 3] {
     if method == Demosaic::Rcd {
-        return demosaic_ratio::smooth(&mosaic, cfa);
+        return ratio::smooth(&mosaic, cfa);
     }
     let [_, _, height, width] = mosaic.dims();
     let rgb: Tensor<4> =
@@ -221,7 +223,7 @@ mod tests {
     #[test]
     fn false_colours_go_to_the_median_of_other_libraries() {
         let reference: serde_json::Value =
-            serde_json::from_str(include_str!("../../../tests/fixtures/isp_reference.json")).unwrap();
+            serde_json::from_str(include_str!("../../../../tests/fixtures/isp_reference.json")).unwrap();
         let plane = |key: &str| -> Vec<Vec<f32>> { serde_json::from_value(reference[key].clone()).unwrap() };
         let (given, wanted) = (plane("gray_noisy"), plane("median3_reflect"));
         let (height, width) = (given.len(), given[0].len());
