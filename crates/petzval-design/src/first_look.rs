@@ -28,7 +28,7 @@ const LESS: f64 = 1e-3;
 /// Pupil cells a side of the spots.
 const CELLS: usize = 48;
 
-/// The corner of a sensor over the image circle, beyond which a word is said.
+/// Usual radii of a sensor's corner, as a share of the image circle's. Others are noted.
 const FITS: std::ops::RangeInclusive<f64> = 0.6..=1.1;
 
 /// Violation of a requirement that counts as none, mm.

@@ -12,7 +12,7 @@
 //! field_deg = 10.0            # all fields of the lens if left out
 //! waves = true                # with diffraction; by rays if left out
 //! at_least = 0.5
-//! weight_um = 100.0           # um of spot that one unit beyond the bound counts as much as
+//! weight_um = 100.0           # the weight of one unit beyond the bound, um of spot
 //!
 //! [[operand]]
 //! of = "distortion"
@@ -60,8 +60,8 @@ pub struct Operand {
     /// Greatest value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at_most: Option<f64>,
-    /// Micrometres of spot that one unit beyond a bound counts as much as: for contrast 1, for a wavefront 1 wave, for a spot 1 um. Bounds of the
-    /// other figures bind: a millimetre beyond counts at least 10 000 um, as for a limit.
+    /// The weight of one unit beyond a bound, as a spot radius in um. A unit is 1 for contrast, 1 wave for a wavefront, 1 um for a spot. Bounds of
+    /// the other figures bind: a millimetre beyond weighs at least 10 000 um, as for a limit.
     #[serde(default = "hundred")]
     pub weight_um: f64,
 }

@@ -325,12 +325,12 @@ fn neither_noise_nor_blur_reaches_a_detector_that_sees_the_truth() {
     assert!(scene != finished);
 
     let lens = setup.nominal().lens_file.lens.clone();
-    let seeing = |sees: DetectorInput| {
+    let with_input = |sees: DetectorInput| {
         let mut network = setup.network().unwrap();
         network.set_sight(Sight { sees, zoom: 1.0 });
         network.attached_to(&setup.camera(lens.clone(), true).unwrap())
     };
-    let [camera, of_truth] = [DetectorInput::Picture, DetectorInput::Truth].map(seeing);
+    let [camera, of_truth] = [DetectorInput::Picture, DetectorInput::Truth].map(with_input);
     let shots = setup.training_shots(&camera, 0).unwrap();
     let noise = Noise { mode: NoiseMode::Exact, seed: 1 };
     let values = |tensor: Tensor<4>| tensor.into_data().try_to_vec::<f32>().unwrap();

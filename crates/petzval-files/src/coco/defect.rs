@@ -128,7 +128,7 @@ kinds! {
     SizeNotStated Warning "A picture has no stated size; that of its file is taken."
         "write width and height";
     AreaNotStated Warning "An annotation has no usable area; that of its box is taken."
-        "write the area, by which scores tell small from large objects";
+        "write the area, by which scores divide objects into small and large ones";
     AreaBeyondBox Warning "An annotation has more area than its box; that of its box is taken."
         "check whether the boxes were scaled and the areas not";
     RepeatedFile Warning "Two entries are of one picture file."

@@ -133,8 +133,10 @@ pub fn sensor_toml(found: &Characterization) -> Result<String, Unresolved> {
     let dark_is = "the dark mean without dark current, electronics included";
     let read_noise_mean = model.best(|f| f.read_noise_mean_e, joint.read_noise_mean_e);
     let electronics_noise = model.best(|f| f.electronics_noise_dn, joint.electronics_noise_dn);
-    let (counted, left) =
-        ("none; what there is counts as black level", "what the dark mean leaves of the black level");
+    let (counted, left) = (
+        "none; any offset of the electronics counts as black level",
+        "what the dark mean leaves of the black level",
+    );
     let in_read_noise = if single_gain { "none; it is in the read noise" } else { "none" };
     let dark_noise = dark_noise.value().unwrap_or(0.0);
     let entries = [

@@ -41,7 +41,7 @@ const LEAST: f64 = 0.01;
 /// Share of the variance from which on the figures that rest on it are withdrawn.
 const FAR_OFF: f64 = 0.1;
 
-/// Least share of the variance that a filter can have left of it, as far as its neighbours show: a variance that is ten times too high.
+/// Least share of a variance that a filter may leave. At a tenth the true variance would be ten times the measured one.
 const LEAST_LEFT: f64 = 0.1;
 
 /// Standard deviations at which a pixel counts as one at this limit: a few blinking ones would be the whole sum.

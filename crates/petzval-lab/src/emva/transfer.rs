@@ -94,8 +94,8 @@ impl PhotonTransfer {
         self.saturated && point > self.saturation
     }
 
-    /// The photon transfer of digital numbers whose mean steps at the ends of the samples, DN, grow. Their rounding adds so much variance to
-    /// each of the used points, DN^2; K contains what that makes as an error.
+    /// The photon transfer of digital numbers whose steps grow with the signal, as compressed ones do. Takes the mean step at both ends of the
+    /// samples, DN, and the variance that rounding adds at each used point, DN^2. The error of K contains its effect.
     pub(super) fn with_steps(
         mut self,
         [low_step_dn, high_step_dn]: [f64; 2],

@@ -95,8 +95,8 @@ pub struct LabelledWindow {
     pub truth: Truth,
     /// The class of each pixel of the crop; none where no task has need of it.
     pub classes: Option<ClassMap>,
-    /// Whether it is exposed for as long behind every lens, so that a lens which gathers more light shows. In a bright street the automatic
-    /// exposure takes back what the lens brings.
+    /// Whether the exposure time is the same behind every lens. A lens that gathers more light then has more electrons; in a bright street the
+    /// automatic exposure makes all alike.
     pub follows_light: bool,
 }
 

@@ -8,7 +8,7 @@ use super::view::{Report, Role};
 /// Where the zone is, as a share of the half-diagonal: 0.7 of the field has half of the sensor's circle inside.
 const ZONE: f64 = 0.7;
 
-/// The median is looked for among this share of all pictures around it, for a photograph that is not yet shown.
+/// Where the photograph of the median picture is shown already, another is taken: from this share of the pictures, around the median.
 const AROUND_MEDIAN: f64 = 0.2;
 
 /// Pictures of a report by their roles, as places in [`Report::held_out`], each once.

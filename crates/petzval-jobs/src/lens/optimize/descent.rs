@@ -18,8 +18,8 @@ use super::progress::{Clock, KEEP_EVERY, STEP_SHARE, Upto, WORTH_IT, line, not_o
 use crate::context::Context;
 use crate::error::{JobError, Result};
 
-/// A descent of a problem by another way than straight down.
-type Way = fn(
+/// A method of descent.
+type Method = fn(
     &Problem,
     &LevenbergOptions,
     &mut dyn FnMut(usize, &Analysis, &[f64]) -> bool,
@@ -35,13 +35,13 @@ enum From {
 
 /// Other ways than straight down, each with the lens that it begins with and its name. They lead further where limits are penalties, and where the
 /// image plane follows all other numbers. Spots cost little; figures do not, so for them the spots alone lead the way, and pictures have none.
-fn other_ways(problem: &Problem) -> &'static [(Way, From, &'static str)] {
-    const FOR_SPOTS: &[(Way, From, &str)] = &[
+fn other_ways(problem: &Problem) -> &'static [(Method, From, &'static str)] {
+    const FOR_SPOTS: &[(Method, From, &str)] = &[
         (descend_softly, From::Start, "descent with softer limits"),
         (descend_in_focus, From::Start, "descent in focus"),
         (descend_in_focus, From::Best, "descent in focus, from the best lens"),
     ];
-    const FOR_FIGURES: &[(Way, From, &str)] = &[(descend_by_spots, From::Start, "descent by the spots")];
+    const FOR_FIGURES: &[(Method, From, &str)] = &[(descend_by_spots, From::Start, "descent by the spots")];
     if problem.goals.iter().any(is_restored) {
         &[]
     } else if problem.goals.iter().all(|goal| goal.weight_um == 0.0) {

@@ -9,7 +9,7 @@ use crate::gradient::LensGradient;
 use crate::merit::{Better, Seen, lifted_normal_equations};
 use crate::pupil::PupilSampling;
 
-/// A merit that hides its residuals, and may be lifted in place of them.
+/// A merit whose residuals are hidden from the optimiser, which lifts their sum instead.
 struct Hidden {
     spots: SpotResiduals,
     is_lifted: bool,
