@@ -29,12 +29,12 @@ petzval_base::parameters! {
     pub struct Request {
         /// Wavelength, um, 0.2 to 20.
         wavelength: f64 = 0.5876, "um", 0.2..20.0, Log, "550 nm is 0.55";
+        /// Field angle, degrees: within 180 degrees of the axis, or 90 for a near object.
+        field: f64 = 0.0, "deg", -180.0..180.0, Linear, "degrees from the axis; 0 is on it";
     }
     also {
         /// Lens: a built-in name, the path of a file, or the lens itself.
         lens: LensInput = LensInput::default();
-        /// Field angle, degrees: within 180 degrees of the axis, or 90 for a near object.
-        field: f64 = f64::default();
         /// Point of the pupil, x and y in units of its radius.
         pupil: Vec<f64> = Vec::new();
         /// What the pupil point lies on.
@@ -101,9 +101,10 @@ impl Request {
             return Err(JobError::setting("pupil", pupil(), message, "for example --pupil 0,0.7"));
         }
         let limit_deg = lens.object.field_limit_deg();
-        if !self.field.is_finite() || self.field.abs() >= limit_deg {
+        if self.field.abs() >= limit_deg {
             let message = format!("not within {limit_deg} degrees of the axis");
-            return Err(JobError::setting("field", self.field, message, "degrees"));
+            let hint = "degrees from the axis; 0 is on it";
+            return Err(JobError::setting("field", self.field, message, hint));
         }
         Ok([px, py])
     }
