@@ -10,6 +10,7 @@ use petzval_files::raw_file::{Sidecar, holds_digital_numbers, sidecar_path};
 use sha2::{Digest, Sha256};
 
 use super::plan::Plan;
+use super::reference_colours::ReferenceColours;
 use crate::error::{JobError, Result};
 use crate::named_isp::NamedIsp;
 use crate::noted_pictures::NotedPictures;
@@ -52,6 +53,22 @@ impl Case {
         }
         let data = picture.to_srgb();
         Ok(LinearImage { data, ..picture })
+    }
+
+    /// Refuses a reference, sRGB-encoded, that is a mosaic saved in colour. Refuses a gray one as well, unless the pictures of the ISP may be gray.
+    pub fn check_colours(&self, reference: &LinearImage, may_be_gray: bool) -> Result<()> {
+        let reason = match ReferenceColours::of(reference) {
+            ReferenceColours::Several => return Ok(()),
+            ReferenceColours::Gray if may_be_gray => return Ok(()),
+            ReferenceColours::Gray => {
+                "its three colours are equal at every pixel: tuning would lead to a mosaic or to a gray picture"
+            }
+            ReferenceColours::Mosaic => {
+                "it is a raw mosaic saved in colour, with one value for each pixel: tuning would lead to this mosaic"
+            }
+        };
+        let message = format!("{}: {reason}", self.reference.display());
+        Err(JobError::input(message, "give the picture in colour that the frame should become"))
     }
 }
 

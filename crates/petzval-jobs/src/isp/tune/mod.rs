@@ -5,6 +5,7 @@
 mod cases;
 mod folder;
 mod plan;
+mod reference_colours;
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -349,7 +350,9 @@ impl Tuner<'_> {
                         .to_owned(),
                 );
             }
-            case.read_reference(frame.turned_size(), &pictures)?;
+            let reference = case.read_reference(frame.turned_size(), &pictures)?;
+            // An external ISP may make gray pictures.
+            case.check_colours(&reference, self.named.is_external())?;
         }
         Ok(())
     }

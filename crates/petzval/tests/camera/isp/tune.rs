@@ -1,5 +1,7 @@
 //! Settings that are tuned to references, and proxies of an ISP.
 
+use std::path::Path;
+
 use super::{TRUTH, write_raws, write_references};
 use crate::common::{data, read, read_json, run_fails, run_ok};
 
@@ -19,6 +21,7 @@ fn what_cannot_be_developed_or_tuned_is_named_and_nothing_is_written() {
     for name in ["left", "right"] {
         image::RgbImage::new(30, 30).save(folder.path().join(format!("small/{name}.png"))).unwrap();
     }
+    write_mosaics(folder.path());
     let raw = "raws/left.tiff";
     let develop = |more: &[&'static str]| [&["develop", raw, "--out", "out"], more].concat();
     let tune = |reference: &'static str, more: &[&'static str]| {
@@ -43,6 +46,12 @@ fn what_cannot_be_developed_or_tuned_is_named_and_nothing_is_written() {
         (tune("nothere", &[]), ["--reference nothere", "the pictures that the frames should become"]),
         (tune("reference", &["--vary", "sharpn"]), ["--vary sharpn", "did you mean sharpen?"]),
         (tune("small", &[]), ["left.png: 30 x 30 pixels", "48 x 32"]),
+        (tune("mosaic", &[]), ["mosaic/left.png", "tuning would lead to"]),
+        (
+            tune("coloured", &[]),
+            ["coloured/left.png: it is a raw mosaic saved in colour", "give the picture"],
+        ),
+        (tune("gray", &[]), ["gray/left.png: its three colours are equal", "give the picture"]),
         (tune("reference", &["--vary", "gain.grün"]), ["--vary gain.grün", "did you mean"]),
         (
             tune("reference", &["--objective", "beauty"]),
@@ -53,6 +62,30 @@ fn what_cannot_be_developed_or_tuned_is_named_and_nothing_is_written() {
         (vec!["tune", "raws"], ["--reference", "required"]),
     ] {
         run_fails(folder.path(), &[&["isp"], &args[..]].concat(), 2, &needles);
+    }
+}
+
+/// Writes references that are refused: the raws with all colours equal, the raws with the colour of the filter alone, and a gray ramp.
+fn write_mosaics(folder: &Path) {
+    let at = |name: &str| folder.join(name);
+    for name in ["mosaic", "coloured", "gray"] {
+        std::fs::create_dir(at(name)).unwrap();
+    }
+    for name in ["left", "right"] {
+        let raw = image::open(at(&format!("raws/{name}.tiff"))).unwrap().into_luma16();
+        let value = |x: u32, y: u32| (raw.get_pixel(x, y).0[0] / 16) as u8;
+        let save = |to: &str, colours: &dyn Fn(u32, u32) -> [u8; 3]| {
+            let picture =
+                image::RgbImage::from_fn(raw.width(), raw.height(), |x, y| image::Rgb(colours(x, y)));
+            picture.save(at(&format!("{to}/{name}.png"))).unwrap();
+        };
+        save("mosaic", &|x, y| [value(x, y); 3]);
+        save("coloured", &|x, y| match (x % 2, y % 2) {
+            (1, 0) => [value(x, y), 0, 0],
+            (0, 1) => [0, 0, value(x, y)],
+            _ => [0, value(x, y), 0],
+        });
+        save("gray", &|x, y| [(40 + 2 * x + y) as u8; 3]);
     }
 }
 
