@@ -20,6 +20,13 @@ const NEAR: u32 = 8;
 /// Widest pile, as standard deviation over its number. The shot noise of 60,000 electrons is wider.
 const WIDEST: f64 = 0.004;
 
+/// Widest peak that may be a pile, in the same measure: full wells that scatter by a few per cent, or much noise.
+const WIDEST_DOUBTFUL: f64 = 0.04;
+
+/// Distance of the middles of two colours of a doubtful pile below which they have one middle, in its standard deviations and in DN.
+const SAME_MIDDLE: f64 = 0.5;
+const SAME_MIDDLE_DN: f64 = 1.0;
+
 /// Standard deviations about the middle of a pile within which its pixels lie, and those below it at which pixels count as saturated.
 const REACH: f64 = 4.0;
 const SATURATED: f64 = 2.0;
@@ -64,6 +71,18 @@ pub fn pile_below(dn: &[u32], width: usize, cfa: CfaPattern, white_dn: f64) -> O
     pile_up(dn, width, cfa).filter(|pile| f64::from(pile.dn) < LOW_PILE * white_dn)
 }
 
+/// Pixels of all colours that end near one number, from about its lower end on, below `white_dn`. `None` otherwise, and for a frame without noise.
+///
+/// They may be saturated: full wells that scatter, or noise, hide a pile. They may be light as well: a bright surface that every colour answers
+/// alike has such a peak, too.
+pub fn doubtful_pile(dn: &[u32], width: usize, cfa: CfaPattern, white_dn: f64) -> Option<Pile> {
+    let largest = *dn.iter().max()?;
+    let peak = Spread::of(dn, WIDEST_DOUBTFUL)?;
+    let is_below = peak.middle + SATURATED * peak.sigma < LOW_PILE * white_dn;
+    let is_doubtful = is_below && is_noisy(dn, width, cfa, largest) && peak.is_of_all_colours(dn, width, cfa);
+    is_doubtful.then(|| peak.counted(dn))
+}
+
 /// The pile of pixels at the largest numbers of a mosaic. `None` if they are few, or no more than at other numbers. `None` as well if the
 /// frame has no noise: then equal numbers are equal light.
 fn pile_up(dn: &[u32], width: usize, cfa: CfaPattern) -> Option<Pile> {
@@ -76,7 +95,7 @@ fn pile_up(dn: &[u32], width: usize, cfa: CfaPattern) -> Option<Pile> {
     if one.is_some_and(|pile| near < pile.pixels) {
         return one;
     }
-    Spread::of(dn).and_then(|peak| peak.pile(dn, width, cfa)).or(one)
+    Spread::of(dn, WIDEST).and_then(|peak| peak.pile(dn, width, cfa)).or(one)
 }
 
 /// The fewest pixels of a pile.
@@ -109,21 +128,22 @@ struct Spread {
 }
 
 impl Spread {
-    /// The peak at the upper end, without the few brightest pixels, if it is narrow and higher than what lies below it.
-    fn of(dn: &[u32]) -> Option<Self> {
+    /// The peak at the upper end, without the few brightest pixels, if it is higher than what lies below it and no wider than
+    /// `widest`, the standard deviation over the number.
+    fn of(dn: &[u32], widest: f64) -> Option<Self> {
         let mut sorted: Vec<u32> = dn.to_vec();
         sorted.sort_unstable();
         let least = least_pixels(dn);
         let top = f64::from(*sorted.get(sorted.len().checked_sub(least)?)?);
         let from = |low: f64| &sorted[sorted.partition_point(|v| f64::from(*v) < low)..];
         // Widen a window from the top down until it holds a peak.
-        let (mut middle, mut sigma) = (top, WIDEST * top);
+        let (mut middle, mut sigma) = (top, widest * top);
         for _ in 0..ROUNDS {
             let (low, high) = (middle - REACH * sigma, middle + REACH * sigma);
             let inside = || from(low).iter().map(|v| f64::from(*v)).filter(|v| *v <= high.max(top));
             middle = median(inside());
             sigma = (SIGMA_OVER_MEDIAN * median(inside().map(|v| (v - middle).abs()))).max(0.5);
-            if sigma > WIDEST * middle {
+            if sigma > widest * middle {
                 return None;
             }
         }
@@ -144,21 +164,23 @@ impl Spread {
 
     /// The pile, if no scene makes this peak.
     fn pile(&self, dn: &[u32], width: usize, cfa: CfaPattern) -> Option<Pile> {
-        let from = (self.middle - SATURATED * self.sigma).round() as u32;
-        let pixels = dn.iter().filter(|v| **v >= from).count();
         // A white wall has one number in colours that differ elsewhere, and the noise of its light.
         let noise = self.noise_over_shot_noise(dn, width, cfa);
         let is_quiet = noise.as_ref().is_none_or(|noise| noise.ratio < NO_SHOT_NOISE);
         let is_sure = noise.as_ref().is_some_and(|noise| noise.is_even);
-        (is_quiet && (is_sure || self.is_of_colours(dn, width, cfa))).then_some(Pile {
-            dn: from,
-            pixels,
-            is_one_number: false,
-        })
+        let is_pile = is_quiet && (is_sure || self.is_of_colours(&self.colours(dn, width, cfa)));
+        is_pile.then(|| self.counted(dn))
     }
 
-    /// Whether two colours that differ below the peak both lie in it.
-    fn is_of_colours(&self, dn: &[u32], width: usize, cfa: CfaPattern) -> bool {
+    /// The pixels from the lower end of the peak on.
+    fn counted(&self, dn: &[u32]) -> Pile {
+        let from = (self.middle - SATURATED * self.sigma).round() as u32;
+        let pixels = dn.iter().filter(|v| **v >= from).count();
+        Pile { dn: from, pixels, is_one_number: false }
+    }
+
+    /// Of each colour that lies in the peak and below it: its median inside and its mean below, DN.
+    fn colours(&self, dn: &[u32], width: usize, cfa: CfaPattern) -> Vec<(f64, f64)> {
         let of_colour = |colour| {
             let own = dn.iter().enumerate().filter(move |(i, _)| cfa.colour(i / width, i % width) == colour);
             let (mut inside, mut below) = (Vec::new(), Vec::new());
@@ -173,13 +195,25 @@ impl Spread {
             let is_in = inside.len() >= LEAST_PIXELS && below.len() >= LEAST_PIXELS;
             is_in.then(|| (median(inside), mean))
         };
-        let all: Vec<(f64, f64)> = cfa.colours().into_iter().filter_map(of_colour).collect();
+        cfa.colours().into_iter().filter_map(of_colour).collect()
+    }
+
+    /// Whether two colours that differ below the peak both lie in it.
+    fn is_of_colours(&self, all: &[(f64, f64)]) -> bool {
         all.iter().enumerate().any(|(i, (at, below))| {
             all[..i].iter().any(|(other_at, other_below)| {
                 let is_other = (below - other_below).abs() > COLOURS_DIFFER * below.max(*other_below);
                 is_other && (at - other_at).abs() < self.sigma
             })
         })
+    }
+
+    /// Whether every colour lies in the peak with the same middle, though two of them differ below it.
+    fn is_of_all_colours(&self, dn: &[u32], width: usize, cfa: CfaPattern) -> bool {
+        let all = self.colours(dn, width, cfa);
+        let near = (SAME_MIDDLE * self.sigma).max(SAME_MIDDLE_DN);
+        let is_same = |(at, _): &(f64, f64)| all.iter().all(|(other, _)| (at - other).abs() < near);
+        all.len() == cfa.colours().len() && all.iter().all(is_same) && self.is_of_colours(&all)
     }
 
     /// By how much neighbours in the peak differ, over the shot noise that lower levels let expect there; none where there are none.
@@ -308,6 +342,27 @@ mod tests {
     }
 
     #[test]
+    fn full_wells_that_scatter_widely_are_a_doubtful_pile() {
+        for sigma in [20.0, 30.0, 90.0] {
+            let full = |random: &mut Random| 3000.0 + sigma * random.normal();
+            let dn = frame(ANSWERS, full, |_, column| if column < 64 { 8000.0 } else { 940.0 });
+            assert_eq!(pile_up(&dn, WIDTH, CfaPattern::RGGB), None, "{sigma}");
+            let found = doubtful_pile(&dn, WIDTH, CfaPattern::RGGB, 4095.0);
+            let found = found.unwrap_or_else(|| panic!("{sigma}"));
+            assert!((3000.0 - 2.5 * sigma..3000.0).contains(&f64::from(found.dn)), "{sigma}: {found:?}");
+            // A white level that cuts them says all.
+            for white_dn in [f64::from(found.dn), 3000.0] {
+                assert_eq!(
+                    doubtful_pile(&dn, WIDTH, CfaPattern::RGGB, white_dn),
+                    None,
+                    "{sigma}: {white_dn}"
+                );
+            }
+        }
+        assert_eq!(doubtful_pile(&[], WIDTH, CfaPattern::RGGB, 4095.0), None);
+    }
+
+    #[test]
     fn bright_scenes_and_speculars_are_no_pile() {
         let none = |_: &mut Random| f64::INFINITY;
         let spot = |row: usize, column: usize| (40..42).contains(&row) && (60..64).contains(&column);
@@ -327,6 +382,8 @@ mod tests {
             for answers in [ANSWERS, [1.0; 3]] {
                 let dn = frame(answers, none, light);
                 assert_eq!(pile_up(&dn, WIDTH, CfaPattern::RGGB), None, "{name} {answers:?}");
+                let doubtful = doubtful_pile(&dn, WIDTH, CfaPattern::RGGB, 4095.0);
+                assert_eq!(doubtful, None, "{name} {answers:?}");
             }
         }
         // A white wall, on which the colours answer alike, in front of a ground on which they do not.

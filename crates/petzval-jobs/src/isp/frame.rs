@@ -21,7 +21,7 @@ use crate::event::WarningKind;
 use crate::input::SensorInput;
 use crate::named_isp::{NamedIsp, about_frame};
 use crate::noted::Noted;
-use crate::pile::pile_below;
+use crate::pile::{doubtful_pile, pile_below};
 use crate::pixels::check_numbers;
 
 /// Largest digital number of white.
@@ -67,6 +67,9 @@ const WHOLE_DN: f64 = 1e-6;
 
 /// Difference of two black levels that is reported, as a share of the range to saturation.
 const BLACK_DIFFERENCE: f64 = 0.0025;
+
+/// Ratio of the answers of two colours to white from which a highlight is coloured that ends at one number in both.
+const COLOURED: f64 = 1.05;
 
 /// Nodes along a side from which a mesh of shading is fine enough for straight lines between them.
 const FINE_NODES: usize = 33;
@@ -395,11 +398,13 @@ fn read_exposure(source: Source<'_>, options: &FrameOptions, noted: &Noted<'_>) 
     };
     let dark_dn = sensor.as_ref().map(of_sensor);
     let black_dn = black_dn.or(dark_dn).ok_or_else(|| source.missing(&["black_level_dn"]))?;
-    let full_dn = info.white_level_dn.unwrap_or(highest);
+    let stated_dn = info.white_level_dn.unwrap_or(highest);
     // A calibration that says where the frame saturates counts.
-    let full_dn = match calibration.saturation {
-        Some(_) => full_dn,
-        None => saturated_dn(&raw.dn, raw.width, cfa, full_dn, info, path, noted),
+    let is_saturation_known = calibration.saturation.is_some();
+    let full_dn = if is_saturation_known {
+        stated_dn
+    } else {
+        saturated_dn(&raw.dn, raw.width, cfa, stated_dn, info, path, noted)
     };
     let has_white = options.white_dn.is_some() || calibration.white_dn.is_some();
     let white_dn = calibration.white_dn.unwrap_or(full_dn);
@@ -425,13 +430,13 @@ fn read_exposure(source: Source<'_>, options: &FrameOptions, noted: &Noted<'_>) 
             };
             let about = FrameData::of_sensor(sensor, &exposure)
                 .map_err(|e| JobError::input(format!("{}: {e}", path.display()), ""))?;
-            // The model of a sensor knows nothing of numbers that its converter does not make, or that saturate below it.
-            let is_below = info.white_level_dn.is_some_and(|stated| full_dn < stated);
-            let is_by_levels = info.companding.is_some() || bits > sensor.bits || is_below;
+            // The model of a sensor knows nothing of numbers that its converter does not make, or of pixels that pile up.
+            let is_by_levels = info.companding.is_some() || bits > sensor.bits || full_dn < stated_dn;
             let saturation = match calibration.response {
                 Some(response) => saturation(response),
                 None if is_by_levels => saturation(about.response),
-                None => about.saturation,
+                // A frame may end below its sensor: by a stated level, or by fewer bits.
+                None => about.saturation.min(saturation(about.response)),
             };
             FrameData { black_dn, white_dn, saturation, ..about }
         }
@@ -475,6 +480,9 @@ fn read_exposure(source: Source<'_>, options: &FrameOptions, noted: &Noted<'_>) 
     }
     let orientation = raw.info.orientation;
     let frame = RawInput { height: raw.height, width: raw.width, dn, bits: bits.max(8), cfa, about };
+    if is_linear && !is_saturation_known {
+        warn_of_doubtful_pile(&frame, path, noted);
+    }
     Ok(Exposed { frame, exposure, has_white, orientation })
 }
 
@@ -599,6 +607,25 @@ fn warn_of_black(dn: &[u32], about: &FrameData, path: &Path, noted: &Noted<'_>) 
             about.black_dn
         ));
     }
+}
+
+/// Warns of pixels of all colours that end near one number below the level of saturation, if that would colour them.
+fn warn_of_doubtful_pile(frame: &RawInput, path: &Path, noted: &Noted<'_>) {
+    let about = &frame.about;
+    let weakest = about.response.into_iter().fold(f64::INFINITY, f64::min);
+    if strongest(about.response) < COLOURED * weakest {
+        return;
+    }
+    let range_dn = about.white_dn - about.black_dn;
+    let end_dn = about.black_dn + about.saturation * strongest(about.response) * range_dn;
+    let Some(pile) = doubtful_pile(&frame.dn, frame.width, frame.cfa, end_dn) else { return };
+    noted.warning(path.display(), WarningKind::Saturation, format!(
+        "{} pixels of all colours end near one number, from {} DN, below the level of saturation of {end_dn:.0} DN: if they are saturated, \
+         highlights are coloured; then state `white_level_dn = {}`",
+        pile.pixels,
+        pile.dn,
+        pile.dn
+    ));
 }
 
 /// Warns of coefficients and light of a frame that the registers of an ISP cut off at these values of its parameters.

@@ -66,6 +66,80 @@ fn white_of_a_merged_frame_is_where_the_merged_frame_saturates() {
     }
 }
 
+/// The digital number at which the strongest colour saturates.
+fn end_dn(about: &FrameData) -> f64 {
+    about.black_dn + about.saturation * strongest(about.response) * (about.white_dn - about.black_dn)
+}
+
+/// What an ISP knows of a frame of a sensor whose colours answer unequally, and what was said.
+fn read_of_sensor(frame: &RawFrame<u32>) -> (FrameData, Vec<String>) {
+    let raw = RawInMemory { name: "frame", frame, calibration: None };
+    let options = FrameOptions { sensor: Some("imx249-fitted".into()), ..FrameOptions::default() };
+    let lines = Arc::new(Lines::default());
+    let context = Context::new(crate::built_in_assets(), lines.clone());
+    let about = frame_in_memory(raw, &options, &context).unwrap().about;
+    let said = lines.0.lock().unwrap().clone();
+    (about, said)
+}
+
+#[test]
+fn a_frame_that_ends_below_its_sensor_saturates_at_its_own_end() {
+    let with = |change: &dyn Fn(&mut RawInfo)| {
+        let mut frame = frame();
+        change(&mut frame.info);
+        end_dn(&read_of_sensor(&frame).0)
+    };
+    let stated = with(&|info| info.white_level_dn = Some(3064.0));
+    assert!((stated - 3064.0).abs() < 1e-6, "{stated}");
+    // The converter has 12 bits, and the frame 11.
+    let of_bits = with(&|info| (info.bits, info.white_level_dn) = (Some(11), None));
+    assert!((of_bits - 2047.0).abs() < 1e-6, "{of_bits}");
+    // The sensor ends a little below the largest number, because of its dark.
+    let of_sensor = with(&|_| ());
+    assert!((4000.0..=4095.0).contains(&of_sensor), "{of_sensor}");
+    // Pixels pile up at 3064, and no level is stated.
+    let mut piled = highlight(|_| 3064);
+    piled.info.white_level_dn = None;
+    let (about, said) = read_of_sensor(&piled);
+    assert!((end_dn(&about) - 3064.0).abs() < 1e-6, "{about:?}");
+    assert!(said.iter().any(|line| line.contains("have the largest number, 3064 DN")), "{said:?}");
+}
+
+/// A frame whose left half has these numbers, by a number for each pixel, and whose right half has colours that differ, with noise.
+fn highlight(bright: impl Fn(u32) -> u32) -> RawFrame<u32> {
+    let dn = |i: u32| {
+        let (row, col) = (i / 64, i % 64);
+        if col < 32 {
+            bright(3 * i)
+        } else {
+            [900, 1600, 1200][(row % 2 + col % 2) as usize] + hash(3 * i) % 40
+        }
+    };
+    RawFrame { height: 64, width: 64, dn: (0..64 * 64).map(dn).collect(), info: frame().info }
+}
+
+fn hash(i: u32) -> u32 {
+    i.wrapping_mul(2_654_435_761) >> 16
+}
+
+#[test]
+fn full_wells_that_scatter_are_warned_of_where_they_would_be_coloured() {
+    // A standard deviation of 30 DN about 3064 DN.
+    let scattered = |i: u32| 2974 + (0..3).map(|k| hash(i + k) % 61).sum::<u32>();
+    let mut frame = highlight(scattered);
+    let warning = "pixels of all colours end near one number, from 3002 DN, below the level of saturation of";
+    let (_, said) = read_of_sensor(&frame);
+    assert!(said.iter().any(|line| line.contains(warning)), "{said:?}");
+    assert!(said.iter().any(|line| line.ends_with("then state `white_level_dn = 3002`")), "{said:?}");
+    // Answers that are assumed to be equal leave such a highlight neutral.
+    let (_, said) = estimated(&frame);
+    assert!(said.iter().all(|line| !line.contains("end near one number")), "{said:?}");
+    frame.info.white_level_dn = Some(3002.0);
+    let (about, said) = read_of_sensor(&frame);
+    assert!(said.iter().all(|line| !line.contains("end near one number")), "{said:?}");
+    assert!((end_dn(&about) - 3002.0).abs() < 1e-6, "{about:?}");
+}
+
 /// A flat frame of so much light, of the range from black to saturation, with these answers of the colours.
 fn flat(light: f64, answers: [f64; 3]) -> RawFrame<u32> {
     let dn = |i: usize| {

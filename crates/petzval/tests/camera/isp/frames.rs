@@ -320,6 +320,8 @@ fn a_white_level_above_saturation_is_named_and_highlights_stay_neutral() {
     write_ramp(&raw, 2600, [64; 4], "black_level_dn = 64\nwhite_level_dn = 2600\n");
     let run = run_ok(folder.path(), &["isp", "develop", "ramp.tiff", "--out", "right"]);
     assert!(!run.stderr.contains("white level"), "{}", run.stderr);
+    let [red, green, blue] = mean_of(&folder.path().join("right/ramp.png"), 185, 200);
+    assert!((red - green).abs() < 6.0 && (blue - green).abs() < 6.0, "{red} {green} {blue}");
 }
 
 #[test]
