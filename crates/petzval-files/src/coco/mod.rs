@@ -26,6 +26,7 @@ mod picture_names;
 mod pictures;
 mod read;
 mod results;
+mod rotation;
 mod spelling;
 mod statistics;
 mod turned;

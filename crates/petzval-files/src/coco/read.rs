@@ -14,6 +14,7 @@ use super::ids::Ids;
 use super::loose::{Fields, Loose, Record, Wrong};
 use super::numbers::mark_numbers;
 use super::outline::Outline;
+use super::rotation::{is_other_angle, is_rotation, is_zero, take_rotation_deg};
 use crate::encoding::decode;
 
 #[derive(Deserialize)]
@@ -235,7 +236,8 @@ pub fn parse_coco(bytes: Vec<u8>, defects: &mut Defects) -> Result<DataSet, File
     Ok(data)
 }
 
-/// The fields of all records that are not read, with the number of records that have each. Outlines are one of them, where there is a box.
+/// The fields of all records that are not read, with the number of records that have each. Outlines are one of them, where there is a box, and
+/// attributes that may be angles of boxes.
 fn unread(file: &FileRecord) -> BTreeMap<String, usize> {
     let mut fields: BTreeMap<String, usize> = BTreeMap::new();
     let mut count = |list: &str, names: &[String]| {
@@ -250,6 +252,10 @@ fn unread(file: &FileRecord) -> BTreeMap<String, usize> {
         if record.segmentation != Outline::Absent && !record.is_outline_alone() {
             count("annotations", &["segmentation".to_owned()]);
         }
+        let is_unread = |(name, value): &&(String, Loose)| is_other_angle(name) && !is_zero(value);
+        let angles = record.attributes.0.iter().filter(is_unread);
+        let angles: Vec<String> = angles.map(|(name, _)| format!("attributes.{name}")).collect();
+        count("annotations", &angles);
     }
     fields
 }
@@ -375,6 +381,9 @@ fn annotation(
             Loose::Text(text) => Attribute::Text(text),
             Loose::Whole(n) => Attribute::Number(n as f64),
             Loose::Number(v) if v.is_finite() => Attribute::Number(v),
+            other if is_rotation(&name) => {
+                return Err(("attributes.rotation", Wrong::Type(other.to_string())));
+            }
             other => {
                 warn(DefectKind::LooseAttribute, format!("{name} is {other}"));
                 continue;
@@ -382,17 +391,12 @@ fn annotation(
         };
         attributes.insert(name, value);
     }
-    // CVAT writes the box before it is rotated about its middle.
-    match attributes.get("rotation") {
-        Some(Attribute::Number(degrees)) if degrees % 360.0 != 0.0 => {
-            let around = bounds.around_rotated(degrees.to_radians());
-            warn(DefectKind::RotatedBox, format!("{bounds} by {degrees} degrees becomes {around}"));
-            bounds = around;
-            attributes.remove("rotation");
-        }
-        None | Some(Attribute::Number(_)) => {}
-        // A box by an angle that is not read would be the wrong box.
-        Some(other) => return Err(("attributes.rotation", Wrong::Type(other.to_string()))),
+    // CVAT writes the box before it is rotated about its middle. By an angle that is not read it would be the wrong box.
+    let rotation_deg = take_rotation_deg(&mut attributes);
+    if let Some(degrees) = rotation_deg.map_err(|value| ("attributes.rotation", Wrong::Type(value)))? {
+        let around = bounds.around_rotated(degrees.to_radians());
+        warn(DefectKind::RotatedBox, format!("{bounds} by {degrees} degrees becomes {around}"));
+        bounds = around;
     }
     Ok(Annotation {
         id,

@@ -219,6 +219,54 @@ fn crowds_and_what_is_ignored_in_bdd100k_are_not_judged() {
 }
 
 #[test]
+fn rotations_in_bdd100k_are_of_cvat_or_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    write_png(root, "a.png", 400, 300);
+    // 41 x 101 px about (120.5, 130.5).
+    let write_object = |keys: &str, in_box: &str| {
+        let corners = format!(r#"{{"x1": 100, "y1": 80, "x2": 140, "y2": 180{in_box}}}"#);
+        let text =
+            format!(r#"[{{"name": "a.png", "labels": [{{"category": "car", {keys}"box2d": {corners}}}]}}]"#);
+        write(root, "labels.json", &text);
+    };
+    let read = |keys: &str, in_box: &str| {
+        write_object(keys, in_box);
+        convert(SourceFormat::Bdd100k, root, None, &Cancel::default()).unwrap()
+    };
+    let unread = |found: &Converted| -> Vec<String> {
+        let unread = found.defects.iter().find(|defect| defect.kind == DefectKind::UnreadField);
+        unread.map_or(Vec::new(), |defect| defect.first.clone())
+    };
+    let upright = [100.0, 80.0, 41.0, 101.0];
+    let rotated = read(r#""attributes": {"Rotation": 90}, "#, "");
+    let (_, _, bounds) = objects(&rotated)[0];
+    let near = bounds.iter().zip([70.0, 110.0, 101.0, 41.0]).all(|(a, b)| (a - b).abs() < 1e-9);
+    assert!(near, "{bounds:?}");
+    assert_eq!(rotated.defects.count(DefectKind::RotatedBox), 1);
+    // The box around it is not rotated again where the data set is read.
+    assert!(rotated.data.annotations[0].attributes.is_empty());
+
+    for (keys, in_box, wanted) in [
+        (r#""attributes": {"angle": 30}, "#, "", "labels[].attributes.angle (1)"),
+        (r#""theta": 0.5, "id": "7", "#, "", "labels[].theta (1)"),
+        ("", r#", "angle": 0"#, "labels[].box2d.angle (1)"),
+        ("", r#", "depth": 3"#, "labels[].box2d.depth (1)"),
+    ] {
+        let found = read(keys, in_box);
+        assert_eq!((objects(&found)[0].2, unread(&found)), (upright, vec![wanted.to_owned()]));
+        assert_eq!(found.defects.count(DefectKind::RotatedBox), 0);
+    }
+    assert!(unread(&read(r#""id": 7, "poly2d": null, "attributes": {"angle": 0}, "#, "")).is_empty());
+    write_object("", r#", "angle": 0.5"#);
+    fails(SourceFormat::Bdd100k, root, &["labels[0].box2d.angle = 0.5", "in which unit", "`rotation`"]);
+    for value in ["\"30,5\"", "[30]", "true"] {
+        write_object(&format!(r#""attributes": {{"rotation": {value}}}, "#), "");
+        fails(SourceFormat::Bdd100k, root, &["labels[0].attributes.rotation", "wrong type", "degrees"]);
+    }
+}
+
+#[test]
 fn bdd100k_labels_of_two_times_are_not_laid_on_one_picture() {
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path();

@@ -40,6 +40,18 @@ fn outlines_and_rotated_boxes_become_the_boxes_around_them() {
         let (data, defects) = with(r#""distance_m": 31.5"#, &format!(r#""rotation": {angle}"#));
         assert_eq!((data.annotations.len(), defects.count(DefectKind::WrongType)), (1, 1), "{angle}");
     }
+    // Capitals mean the same, and other names of angles say no unit: they are counted.
+    let (data, defects) = with(r#""distance_m": 31.5"#, r#""Rotation": 90"#);
+    let height = data.annotations[0].bounds.height;
+    assert!((height - 10.0).abs() < 1e-9 && defects.count(DefectKind::RotatedBox) == 1, "{height}");
+    assert_eq!(with(r#""distance_m": 31.5"#, r#""rotation": [90]"#).1.count(DefectKind::WrongType), 1);
+    let fields = |attribute: &str| {
+        let (data, defects) = with(r#""distance_m": 31.5"#, attribute);
+        assert_eq!(data.annotations[0].bounds, Bounds::from([1.5, 2.0, 10.0, 20.0]));
+        defects.iter().find(|defect| defect.kind == DefectKind::UnreadField).unwrap().first[0].clone()
+    };
+    assert!(fields(r#""angle": 30"#).contains("annotations[].attributes.angle (1)"));
+    assert!(!fields(r#""angle": 0"#).contains("angle"));
     // Detectron2's number for two corners is no box of COCO.
     let (_, defects) = with(r#""area": 200"#, r#""area": 200, "bbox_mode": 0"#);
     assert_eq!(defects.count(DefectKind::WrongType), 1);

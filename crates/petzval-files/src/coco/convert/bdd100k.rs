@@ -5,7 +5,8 @@
 //! other labels: their pictures are no background. Another label without a box is an error of its own. A file of one picture has all labels
 //! of it. A folder of the name of a film has its pictures. Frames of several times or films by the name of
 //! one picture are an error; other entries of a picture in a list are noted, and their labels come together. The colour of a traffic light becomes the attribute `state`: `red`, `yellow` and `green`, or `R`, `Y` and `G`. Objects with `crowd` or `ignored` are crowds. A stated `size` is that of the picture. Labels of whole
-//! pictures, such as the weather, are not read.
+//! pictures, such as the weather, are not read. The attribute `rotation` is that of CVAT: degrees about the middle of the box. An angle within `box2d`
+//! has no known unit and is an error.
 
 use std::collections::{BTreeMap, HashMap};
 use std::ffi::OsStr;
@@ -19,11 +20,14 @@ use super::tree::{Pictures, ends_with, files_below, pictures_among, split_of};
 use crate::coco::bounded::read_bounded;
 use crate::coco::bounds::Bounds;
 use crate::coco::data_set::Attribute;
-use crate::coco::defect::{DefectKind, Defects};
+use crate::coco::defect::DefectKind;
 use crate::coco::error::CocoError;
 use crate::coco::folder::LARGEST_ANNOTATIONS;
 use crate::coco::loose::{Fields, Loose, Record, Wrong};
 use crate::coco::read::{json_error, plain_json};
+use crate::coco::rotation::{
+    NO_UNIT, UNIT_HINT, is_angle, is_other_angle, is_rotation, is_zero, take_rotation_deg,
+};
 
 /// A file: a list of pictures, or a table with one (`frames`).
 enum Contents {
@@ -72,6 +76,8 @@ struct Object {
     crowd: Loose,
     #[serde(default)]
     ignored: Loose,
+    #[serde(skip)]
+    unread: Vec<String>,
 }
 
 impl Object {
@@ -90,6 +96,8 @@ struct Corners {
     y1: Loose,
     x2: Loose,
     y2: Loose,
+    #[serde(flatten)]
+    others: BTreeMap<String, Loose>,
 }
 
 #[derive(Deserialize)]
@@ -102,7 +110,30 @@ struct Size {
 
 impl Fields for Picture {}
 impl Fields for Size {}
-impl Fields for Object {}
+
+impl Fields for Object {
+    const KNOWN: Option<&'static [&'static str]> = Some(&[
+        "category",
+        "box2d",
+        "attributes",
+        "score",
+        "crowd",
+        "ignored",
+        "id",
+        "index",
+        "manualShape",
+        "manualAttributes",
+        "box3d",
+        "poly2d",
+        "rle",
+        "graph",
+    ]);
+
+    fn set_unread(&mut self, fields: Vec<String>) {
+        self.unread = fields;
+    }
+}
+
 impl Fields for Corners {}
 
 /// Reads a JSON file, or all of those below a folder. Pictures are looked for by name below the folder.
@@ -180,7 +211,7 @@ pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Res
             }
             for (i, object) in picture.labels.iter().flatten().enumerate() {
                 let place = || format!("{name}: labels[{i}]");
-                match label(object, &place, &mut builder.defects) {
+                match label(object, &place, &mut builder) {
                     Ok(Some(label)) => builder.object(id, label),
                     Ok(None) => {
                         if !object.table().is_some_and(Object::is_lane_or_area) {
@@ -257,16 +288,17 @@ fn pixels(size: &Record<Size>) -> Result<(u32, u32), FileError> {
 fn label<'a>(
     object: &'a Record<Object>,
     place: &dyn Fn() -> String,
-    defects: &mut Defects,
+    builder: &mut Builder,
 ) -> Result<Option<Label<'a>>, FileError> {
     let object = table("", object)?;
     let Some(corners) = &object.box2d else {
         let kind =
             if object.is_lane_or_area() { DefectKind::LaneOrArea } else { DefectKind::LabelWithoutBox };
-        defects.add(kind, || format!("{}, category {}: no `box2d`", place(), object.category));
+        builder.defects.add(kind, || format!("{}, category {}: no `box2d`", place(), object.category));
         return Ok(None);
     };
     let corners = table("box2d", corners)?;
+    note_unread(object, corners, builder)?;
     let class =
         object.category.text().map_err(|wrong| wrong_value("category", &wrong, "the name of the class"))?;
     let value = |value: &Loose, name: &str| {
@@ -277,6 +309,9 @@ fn label<'a>(
     // The last pixel belongs to the box. Scalabel adds it to labels of every release, also to fractions of pixels.
     let mut label = Label::new(class, Bounds::between(left, top, right + 1.0, bottom + 1.0));
     for (name, value) in object.attributes.iter().flatten() {
+        if is_other_angle(name) && !is_zero(value) {
+            builder.unread(&format!("labels[].attributes.{name}"));
+        }
         let value = match value {
             Loose::Absent => continue,
             Loose::Text(colour) if name == "trafficLightColor" => {
@@ -294,8 +329,11 @@ fn label<'a>(
             Loose::Text(text) => Attribute::Text(text.clone()),
             value => match value.number() {
                 Ok(number) => Attribute::Number(number),
+                Err(wrong) if is_rotation(name) => return Err(wrong_rotation(&wrong)),
                 Err(_) => {
-                    defects.add(DefectKind::LooseAttribute, || format!("{}: {name} is {value}", place()));
+                    builder
+                        .defects
+                        .add(DefectKind::LooseAttribute, || format!("{}: {name} is {value}", place()));
                     continue;
                 }
             },
@@ -307,15 +345,40 @@ fn label<'a>(
         label.ignore |= is_ignored;
         label.attributes.insert(name.clone(), value);
     }
+    let rotation_deg = take_rotation_deg(&mut label.attributes);
+    if let Some(degrees) = rotation_deg.map_err(|value| wrong_rotation(&Wrong::Type(value)))? {
+        let (bounds, around) = (label.bounds, label.bounds.around_rotated(degrees.to_radians()));
+        builder.defects.add(DefectKind::RotatedBox, || {
+            format!("{}: {bounds} by {degrees} degrees becomes {around}", place())
+        });
+        label.bounds = around;
+    }
     let flag =
         |value: &Loose, name: &str| value.flag().map_err(|wrong| wrong_value(name, &wrong, "true or false"));
     let is_ignored = flag(&object.ignored, "ignored")?;
     label.crowd |= is_ignored || flag(&object.crowd, "crowd")?;
     label.ignore |= is_ignored;
     if object.score != Loose::Absent {
-        defects.add(DefectKind::ScoredLabel, || format!("{}: score {}", place(), object.score));
+        builder.defects.add(DefectKind::ScoredLabel, || format!("{}: score {}", place(), object.score));
     }
     Ok(Some(label))
+}
+
+/// Counts the fields of an object and its box that are not read. Fails where the box has an angle, in a unit that nothing states.
+fn note_unread(object: &Object, corners: &Corners, builder: &mut Builder) -> Result<(), FileError> {
+    for (name, value) in &corners.others {
+        if is_angle(name) && !is_zero(value) {
+            let error = FileError::at_line(0, &value.to_string(), NO_UNIT).hint(UNIT_HINT);
+            return Err(FileError { key: format!("box2d.{name}"), ..error });
+        }
+        builder.unread(&format!("labels[].box2d.{name}"));
+    }
+    object.unread.iter().for_each(|name| builder.unread(&format!("labels[].{name}")));
+    Ok(())
+}
+
+fn wrong_rotation(wrong: &Wrong) -> FileError {
+    wrong_value("attributes.rotation", wrong, "one number of degrees")
 }
 
 /// The state that the colour of a traffic light stands for. `none` and `NA` are given to lights whose state is not seen, and to everything that

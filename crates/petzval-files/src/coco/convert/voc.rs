@@ -6,8 +6,8 @@
 //! An object without a box may have an outline, `polygon` with `x1`, `y1`, `x2`, `y2` and so on, or with `pt` (`x`, `y`) as in LabelMe: the upright box
 //! around it is taken. Two further forms are rotated boxes. They become the upright boxes around them. roLabelImg has `robndbox` in place of `bndbox`, with
 //! `cx`, `cy`, `w`, `h` in pixels and `angle` in radians. CVAT has the attribute `rotation` (`attributes/attribute` with `name` and
-//! `value`): the angle in degrees by which the box is rotated about its middle. Further attributes of that kind become attributes. Parts of
-//! a person, actions, outlines beside a box and other elements are not read; they are counted.
+//! `value`): the angle in degrees by which the box is rotated about its middle. Further attributes of that kind become attributes. An angle within
+//! `bndbox` has no known unit and is an error. Parts of a person, actions, outlines beside a box and other elements are not read; they are counted.
 
 use std::collections::HashMap;
 use std::ffi::OsStr;

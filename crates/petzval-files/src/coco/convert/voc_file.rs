@@ -1,12 +1,14 @@
 //! A file of Pascal VOC: what one picture shows.
 
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 
 use petzval_base::{FileError, quote};
 use roxmltree::{Document, Node, ParsingOptions};
 
 use crate::coco::bounds::Bounds;
 use crate::coco::data_set::Attribute;
+use crate::coco::rotation::{NO_UNIT, UNIT_HINT, is_angle, is_other_angle, is_rotation, take_rotation_deg};
 
 /// Elements and texts of a file that are read.
 const MOST_NODES: u32 = 1_000_000;
@@ -24,6 +26,12 @@ const ABOUT_FILE: [&str; 8] =
 /// Elements of an object that are read, or that say nothing of it.
 const OF_OBJECT: [&str; 10] =
     ["name", "bndbox", "robndbox", "difficult", "truncated", "occluded", "pose", "attributes", "type", "id"];
+
+/// Elements of an upright box that are read.
+const OF_BOX: [&str; 4] = ["xmin", "ymin", "xmax", "ymax"];
+
+/// Elements of a rotated box that are read.
+const OF_ROTATED_BOX: [&str; 5] = ["cx", "cy", "w", "h", "angle"];
 
 /// The element with the points of an outline.
 const OUTLINE: &str = "polygon";
@@ -139,7 +147,7 @@ fn read_object(object: Node, unread: &mut Vec<String>) -> Result<Object, FileErr
         return Err(error(object, "the object has no `name`", "add the name of its class"));
     };
     let mut attributes = further_attributes(object, unread)?;
-    let (bounds, form) = bounds_of(object, &mut attributes)?;
+    let (bounds, form) = bounds_of(object, &mut attributes, unread)?;
     for name in ["truncated", "occluded"] {
         if let Some(is_set) = flag(object, name)? {
             attributes.insert(name.to_owned(), Attribute::Flag(is_set));
@@ -161,28 +169,32 @@ fn read_object(object: Node, unread: &mut Vec<String>) -> Result<Object, FileErr
 fn bounds_of(
     object: Node,
     attributes: &mut BTreeMap<String, Attribute>,
+    unread: &mut Vec<String>,
 ) -> Result<(Bounds, Form), FileError> {
-    let rotation_deg = match attributes.get("rotation") {
-        Some(Attribute::Number(degrees)) => *degrees,
-        _ => 0.0,
-    };
+    let rotation_deg = take_rotation_deg(attributes)
+        .map_err(|value| error(object, format!("the rotation is {value}"), "write one angle in degrees"))?;
     match (child(object, "bndbox")?, child(object, "robndbox")?) {
         (Some(corners), None) => {
+            check_box(corners, &OF_BOX, unread)?;
             let value = |name| number(corners, name);
             // Pixels are counted from 1, and the last one is inside.
             let (left, top) = (value("xmin")? - 1.0, value("ymin")? - 1.0);
             let bounds = Bounds::between(left, top, value("xmax")?, value("ymax")?);
-            let is_rotated = rotation_deg % 360.0 != 0.0;
-            let around = bounds.around_rotated(rotation_deg.to_radians());
-            // The box around it is not rotated any more.
-            attributes.remove("rotation");
-            Ok(if is_rotated { (around, Form::Rotated) } else { (bounds, Form::Upright) })
+            Ok(match rotation_deg {
+                Some(degrees) => (bounds.around_rotated(degrees.to_radians()), Form::Rotated),
+                None => (bounds, Form::Upright),
+            })
+        }
+        (None, _) if rotation_deg.is_some() => {
+            let message = "an attribute rotates the object, which has no `bndbox`";
+            Err(error(object, message, "take the attribute out, or write the box before it is rotated"))
         }
         (None, Some(rotated)) => {
+            check_box(rotated, &OF_ROTATED_BOX, unread)?;
             let value = |name| number(rotated, name);
             let (width, height) = (value("w")?, value("h")?);
             let (x, y) = (value("cx")? - 0.5 * width, value("cy")? - 0.5 * height);
-            Ok((Bounds { x, y, width, height }.around_rotated(value("angle")?), Form::Rotated))
+            Ok((Bounds { x, y, width, height }.around_rotated(angle_rad(rotated)?), Form::Rotated))
         }
         (None, None) => match child(object, OUTLINE)? {
             Some(outline) => Ok((around_outline(outline)?, Form::Outline)),
@@ -192,6 +204,38 @@ fn bounds_of(
             Err(error(object, "the object has both `bndbox` and `robndbox`", "keep the one that is meant"))
         }
     }
+}
+
+/// Notes the elements of a box that are not read. Fails where one of them is an angle, in a unit that nothing states.
+fn check_box(of_box: Node, read: &[&str], unread: &mut Vec<String>) -> Result<(), FileError> {
+    for node in of_box.children().filter(Node::is_element) {
+        let (name, text) = (node.tag_name().name(), all_text(node));
+        if read.contains(&name) {
+            continue;
+        }
+        if is_angle(name) && !is_zero(&text) {
+            let at = error(node, NO_UNIT, UNIT_HINT);
+            return Err(FileError { key: name.to_owned(), value: quote(&text), ..at });
+        }
+        unread.push(format!("object/{}/{name}", of_box.tag_name().name()));
+    }
+    Ok(())
+}
+
+/// Whether the text for an angle rotates nothing.
+fn is_zero(text: &str) -> bool {
+    text.is_empty() || text.parse().is_ok_and(|angle: f64| angle == 0.0)
+}
+
+/// The angle of a rotated box of roLabelImg, rad. Fails beyond a full turn, which is an angle in degrees.
+fn angle_rad(rotated: Node) -> Result<f64, FileError> {
+    let angle = number(rotated, "angle")?;
+    if angle.abs() <= TAU {
+        return Ok(angle);
+    }
+    let hint = "angles of roLabelImg are radians, 0 to pi: multiply degrees by pi / 180";
+    let at = error(rotated, "this is more than a full turn", hint);
+    Err(FileError { key: "angle".to_owned(), value: angle.to_string(), ..at })
 }
 
 /// What an object may have.
@@ -245,9 +289,12 @@ fn further_attributes(
             unread.push(format!("object/attributes/{}", fact.tag_name().name()));
             continue;
         };
+        if is_other_angle(&name) && !is_zero(&text) {
+            unread.push(format!("object/attributes/{name}"));
+        }
         let value = match text.parse() {
             Ok(number) if f64::is_finite(number) => Attribute::Number(number),
-            _ if name == "rotation" => {
+            _ if is_rotation(&name) => {
                 return Err(error(fact, "the rotation is no number", "write an angle in degrees"));
             }
             _ if text.eq_ignore_ascii_case("true") => Attribute::Flag(true),
@@ -368,6 +415,38 @@ mod tests {
         assert_eq!(of_cvat.attributes["parked"], Attribute::Flag(true));
         let not_turned = object(&format!("{BOX}{}", attribute.replace("90.0", "0.0")));
         assert_eq!(not_turned.form, Form::Upright);
+        let in_capitals = object(&format!("{BOX}{}", attribute.replace("rotation", "Rotation")));
+        assert_eq!((in_capitals.bounds, in_capitals.form), (of_cvat.bounds, Form::Rotated));
+    }
+
+    #[test]
+    fn rotations_of_unknown_forms_are_refused_or_counted() {
+        let within = |element: &str| BOX.replace("</bndbox>", &format!("{element}</bndbox>"));
+        for (element, value) in [("angle", "0.5"), ("rotation", "30")] {
+            let text = wrong(&within(&format!("<{element}>{value}</{element}>")));
+            let quoted = format!("`{element} = {value}`: {NO_UNIT}");
+            assert!(text.contains(&quoted) && text.contains("degrees about the middle"), "{text}");
+        }
+        let unread = |text: &str| parse(&file(text)).unwrap().unread;
+        assert_eq!(unread(&within("<angle>0.0</angle>")), ["object/bndbox/angle"]);
+        assert_eq!(unread(&within("<depth>3</depth>")), ["object/bndbox/depth"]);
+        let attribute = |name: &str, value: &str| {
+            let fact = format!("<attribute><name>{name}</name><value>{value}</value></attribute>");
+            format!("<attributes>{fact}</attributes>")
+        };
+        assert_eq!(unread(&format!("{BOX}{}", attribute("angle", "30"))), ["object/attributes/angle"]);
+        assert!(unread(&format!("{BOX}{}", attribute("angle", "0"))).is_empty());
+        let text = wrong(&format!("{BOX}{}", attribute("Rotation", "30,5")));
+        assert!(text.contains("the rotation is no number"), "{text}");
+
+        let rotated = |angle: &str| {
+            format!("<robndbox><cx>20</cx><cy>25</cy><w>20</w><h>10</h><angle>{angle}</angle></robndbox>")
+        };
+        assert_eq!(object(&rotated("3.1")).form, Form::Rotated);
+        let text = wrong(&rotated("40"));
+        assert!(text.contains("`angle = 40`") && text.contains("radians, 0 to pi"), "{text}");
+        let twice = wrong(&format!("{}{}", rotated("0.7"), attribute("rotation", "30")));
+        assert!(twice.contains("which has no `bndbox`"), "{twice}");
     }
 
     #[test]
