@@ -100,18 +100,57 @@ fn yolo_poses_are_boxes_and_outlines_and_rotated_boxes_are_counted() {
     write(root, "labels/a.txt", "0 0.5 0.5 0.2 0.4 0.45 0.35 0.55\n");
     fails(SourceFormat::Yolo, root, &["a.txt: line 1", "has 8 values", "the 13 of a box with the keypoints"]);
 
-    // The same numbers are an outline where nothing says that they are a pose, and that is counted.
-    write(root, "data.yaml", "names: [car]\n");
+    // The same numbers are an outline where the file says so, and that is counted.
+    write(root, "data.yaml", "names: [car]\ntask: segment\n");
     write(root, "labels/a.txt", pose);
     let outline = read();
     near(&outline, [80.0, 105.0, 140.0, 90.0]);
     assert_eq!(outline.defects.count(DefectKind::OutlineBox), 1);
+    write(root, "data.yaml", "names: [car]\n");
     // Corners of a square on its tip, and of an upright box.
     write(root, "labels/a.txt", "0 0.5 0.2 0.65 0.4 0.5 0.6 0.35 0.4\n0 0.1 0.1 0.2 0.1 0.2 0.3 0.1 0.3\n");
     let rotated = read();
     near(&rotated, [140.0, 60.0, 120.0, 120.0]);
     let count = |kind| rotated.defects.count(kind);
     assert_eq!((count(DefectKind::RotatedBox), count(DefectKind::OutlineBox)), (1, 1));
+}
+
+/// Outlines and poses are not guessed where every line may be both.
+#[test]
+fn long_lines_of_yolo_that_may_be_poses_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    write_png(root, "images/a.png", 400, 300);
+    // Names as Darknet has them, without a page that could say what the lines are.
+    write(root, "classes.txt", "car\n");
+    let of_box = "0 0.5 0.5 0.2 0.4";
+    for (keypoints, shape) in [
+        ("0.45 0.35", "[1, 2]"),
+        ("0.45 0.35 0.5 0.5", "[2, 2]"),
+        ("0.45 0.35 0.55 0.35 0.45 0.65 0.55 0.65", "[4, 2]"),
+        ("0.45 0.35 1 0.55 0.35 1", "[2, 3]"),
+        ("0.45 0.35 0 0.55 0.35 1", "[2, 3]"),
+    ] {
+        write(root, "labels/a.txt", &format!("{of_box}\n{of_box} {keypoints}\n"));
+        let kpt_shape = format!("`kpt_shape: {shape}`");
+        let needles = ["a.txt: line 2", "may be an outline or a box", &kpt_shape, "`task: segment`"];
+        fails(SourceFormat::Yolo, root, &needles);
+        write(root, "data.yaml", &format!("names: [car]\nkpt_shape: {shape}\n"));
+        let poses = convert(SourceFormat::Yolo, root, None, &Cancel::default()).unwrap();
+        assert_eq!(poses.data.annotations[0].bounds, poses.data.annotations[1].bounds);
+        std::fs::remove_file(root.join("data.yaml")).unwrap();
+    }
+    // Outlines of different numbers of points, corners of rectangles, and an outline that is no pose.
+    for outlines in [
+        "0 0.3 0.3 0.32 0.3 0.33 0.32\n0 0.3 0.3 0.32 0.3 0.33 0.32 0.31 0.34\n",
+        "0 0.3 0.3 0.35 0.3 0.35 0.36 0.3 0.36\n",
+        "0 0.4 0.3 0.6 0.3 0.6 0.7 0.4 0.7 0.3 0.5\n",
+    ] {
+        write(root, "labels/a.txt", outlines);
+        let converted = convert(SourceFormat::Yolo, root, None, &Cancel::default()).unwrap();
+        let count = converted.defects.count(DefectKind::OutlineBox);
+        assert_eq!(count, outlines.lines().count(), "{outlines}");
+    }
 }
 
 #[cfg(unix)]

@@ -14,6 +14,7 @@ mod tree;
 mod voc;
 mod voc_file;
 mod yolo;
+mod yolo_long;
 mod yolo_names;
 mod yolo_parts;
 

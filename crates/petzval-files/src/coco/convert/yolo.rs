@@ -14,9 +14,12 @@
 //! | form | values after the class |
 //! |---|---|
 //! | box | centre and size |
-//! | pose, where the file of class names has `kpt_shape: [points, values]` | centre and size, then the keypoints, which are not read |
+//! | pose, where `data.yaml` has `kpt_shape: [points, values]` | centre and size, then the keypoints, which are not read |
 //! | rotated box | four corners |
 //! | outline | three or more points |
+//!
+//! Without `kpt_shape` the lines of poses may look like outlines. A data set of which nearly all such lines may be both is an error, unless `data.yaml` has
+//! `task: segment` or `task: obb`.
 //!
 //! Rotated boxes and outlines give the upright box around them. They are counted. Corners of a rotated box may reach over the border of the
 //! picture by half its side; its box is clipped.
@@ -29,6 +32,7 @@ use petzval_base::{Cancel, FileError};
 
 use super::builder::{Builder, Converted, Label};
 use super::tree::{ends_with, files_below, have_same_bytes, labels_text, pictures_among, split_of};
+use super::yolo_long::{LongLine, LongLines};
 use super::yolo_names::names_of;
 use crate::coco::bounds::Bounds;
 use crate::coco::defect::DefectKind;
@@ -36,7 +40,7 @@ use crate::coco::error::CocoError;
 use crate::coco::spelling::composed_path;
 
 /// Shares may exceed 0..1 by rounding; what is further out is in pixels.
-const ROUNDING: f64 = 0.01;
+pub(super) const ROUNDING: f64 = 0.01;
 
 /// How far the corners of a rotated box, which are those of a parallelogram, may reach over the border of the picture, in shares of it: the box is
 /// clipped. What is further out is in pixels.
@@ -62,6 +66,7 @@ pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Res
     // Labels that are of no picture, and the names of their pictures: these are no background.
     let lost: Vec<&Path> = labels.all().filter(|path| is_lost(path, &pictures_of)).collect();
     let lost_names: HashSet<&OsStr> = lost.iter().filter_map(|path| path.file_stem()).collect();
+    let mut long_lines = LongLines::default();
     for picture in pictures_among(&files) {
         cancel.check()?;
         let below = picture.strip_prefix(root).unwrap_or(picture);
@@ -106,8 +111,10 @@ pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Res
                     }
                     Some(Bounds::from([x * size[0], y * size[1], width * size[0], height * size[1]]))
                 }
-                Shape::Points(points) => {
-                    let points: Vec<[f64; 2]> = points.into_iter().map(pixels).collect();
+                Shape::Points(shares) => {
+                    let points: Vec<[f64; 2]> = shares.iter().copied().map(pixels).collect();
+                    let is_rectangle = is_rectangle(&points);
+                    long_lines.add(&LongLine { path, number, text: line, points: &shares, is_rectangle });
                     let is_rotated = is_rotated_box(&points);
                     let kind = if is_rotated { DefectKind::RotatedBox } else { DefectKind::OutlineBox };
                     builder.defects.add(kind, place);
@@ -119,6 +126,9 @@ pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Res
                 None => builder.lose_label(id),
             }
         }
+    }
+    if let Some((path, error)) = long_lines.doubt().filter(|_| !page.has_outlines) {
+        builder.wrong(&path, error);
     }
     if pictures_of.is_empty() {
         let hint = "name the folder that holds `images` and `labels`, or `train/images` and `train/labels`; for a file in COCO format \
@@ -270,14 +280,19 @@ fn is_parallelogram(shares: &[f64]) -> bool {
     [ax + cx - bx - dx, ay + cy - by - dy].iter().all(|off| off.abs() <= 2.0 * ROUNDING)
 }
 
-/// Whether points, in pixels, are the corners of a rectangle whose edges are not those of the picture. Corners may be a pixel off.
-fn is_rotated_box(points: &[[f64; 2]]) -> bool {
+/// Whether points, in pixels, are the corners of a rectangle. Corners may be a pixel off.
+fn is_rectangle(points: &[[f64; 2]]) -> bool {
     let [a, b, c, d] = points else { return false };
     let middle_is_one = (0..2).all(|k| (a[k] + c[k] - b[k] - d[k]).abs() <= 2.0);
     let diagonal = |p: &[f64; 2], q: &[f64; 2]| (p[0] - q[0]).hypot(p[1] - q[1]);
-    let is_rectangle = middle_is_one && (diagonal(a, c) - diagonal(b, d)).abs() <= 2.0;
+    middle_is_one && (diagonal(a, c) - diagonal(b, d)).abs() <= 2.0
+}
+
+/// Whether points, in pixels, are the corners of a rectangle whose edges are not those of the picture. Corners may be a pixel off.
+fn is_rotated_box(points: &[[f64; 2]]) -> bool {
+    let [a, b, c, _] = points else { return false };
     let is_upright = (0..2).any(|k| (a[k] - b[k]).abs() <= 1.0) && (0..2).any(|k| (b[k] - c[k]).abs() <= 1.0);
-    is_rectangle && !is_upright
+    is_rectangle(points) && !is_upright
 }
 
 #[cfg(test)]

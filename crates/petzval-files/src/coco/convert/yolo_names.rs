@@ -18,13 +18,15 @@ pub(super) struct Names {
     pub classes: Vec<String>,
     /// Keypoints of each object and the values of each, 2 or 3; `None` where labels are no poses.
     pub keypoints: Option<[usize; 2]>,
+    /// Whether the file says that lines longer than a box are outlines or rotated boxes.
+    pub has_outlines: bool,
     /// The parts of the pictures.
     pub parts: Parts,
 }
 
 impl Names {
     fn of_classes(classes: Vec<String>) -> Self {
-        Self { classes, keypoints: None, parts: Parts::default() }
+        Self { classes, keypoints: None, has_outlines: false, parts: Parts::default() }
     }
 }
 
@@ -97,7 +99,8 @@ fn names_of_page(path: &Path) -> Result<Option<(Node, Names)>, CocoError> {
     let Some(names) = page.get("names") else { return Ok(None) };
     let read = || {
         let keypoints = keypoints(&page)?;
-        Ok(Names { keypoints, ..Names::of_classes(yaml_names(&page, names)?) })
+        let has_outlines = has_outlines(&page, keypoints.is_some())?;
+        Ok(Names { keypoints, has_outlines, ..Names::of_classes(yaml_names(&page, names)?) })
     };
     let read = read().map_err(|error| CocoError::file(path, error))?;
     Ok(Some((page, read)))
@@ -173,6 +176,20 @@ fn keypoints(page: &Node) -> Result<Option<[usize; 2]>, FileError> {
     }
 }
 
+/// Whether `task` says that lines longer than a box are outlines (`segment`) or rotated boxes (`obb`), in the words of Ultralytics.
+fn has_outlines(page: &Node, has_keypoints: bool) -> Result<bool, FileError> {
+    let Some(task) = page.get("task") else { return Ok(false) };
+    match (task.text(), has_keypoints) {
+        (Some("segment" | "obb"), true) => Err(task
+            .error("task", "there is `kpt_shape`, which is of poses")
+            .hint("keep the one that is meant")),
+        (Some("pose"), false) => Err(task
+            .error("task", "poses need `kpt_shape`")
+            .hint("write `kpt_shape: [17, 3]` for 17 points of x, y and how well each is seen")),
+        (word, _) => Ok(matches!(word, Some("segment" | "obb"))),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -207,5 +224,19 @@ mod tests {
         for text in ["kpt_shape: [4]\n", "kpt_shape: 4\n", "kpt_shape: [4, 5]\n", "kpt_shape: [a, 2]\n"] {
             assert!(of(text).unwrap_err().hint.is_some(), "{text}");
         }
+    }
+
+    #[test]
+    fn a_task_says_what_long_lines_are() {
+        let of = |text: &str, has_keypoints| has_outlines(&yaml::parse(text).unwrap(), has_keypoints);
+        for text in ["task: segment\n", "task: 'obb'\n"] {
+            assert!(of(text, false).unwrap(), "{text}");
+            assert!(of(text, true).unwrap_err().hint.is_some(), "{text}");
+        }
+        for text in ["names: [a]\n", "task: detect\n"] {
+            assert!(!of(text, false).unwrap(), "{text}");
+        }
+        assert!(!of("task: pose\n", true).unwrap());
+        assert!(of("task: pose\n", false).unwrap_err().to_string().contains("poses need `kpt_shape`"));
     }
 }
