@@ -27,8 +27,7 @@ pub(crate) type Behind<R> = fn(&R, &Context) -> Result<Vec<PathBuf>>;
 
 impl<R> AsUnit<R> {
     /// A job without a seed that writes nothing.
-    pub(crate) const PLAIN: Self =
-        Self { seed: None, place: None, going_on: None, behind: None, out_in: None };
+    pub const PLAIN: Self = Self { seed: None, place: None, going_on: None, behind: None, out_in: None };
 
     /// A job without a seed that writes into a folder, or below it.
     pub(crate) const fn placed(place: fn(&mut R, &Path)) -> Self {

@@ -13,7 +13,7 @@ use crate::error::{JobError, Place, Result};
 use crate::glass::context_with;
 use crate::job::{Row, joined};
 use crate::keys::error_in_keys;
-use crate::table::jobs;
+use crate::table::Table;
 use crate::threads::MOST_THREADS;
 
 /// The version of [`Call`] that this program writes and reads.
@@ -110,19 +110,24 @@ impl Call {
         read(text, hint)
     }
 
-    /// Makes it. Its glasses take precedence over those of the context. In a context without a command line, results name the job. Events and
-    /// errors name keys of the request in place of flags of the command.
+    /// Makes it by the jobs of this crate, as [`Call::run_by`] does.
     pub fn run(self, context: &Context) -> Result<Value> {
-        self.made(&context.clone().in_keys()).map_err(error_in_keys)
+        self.run_by(&Table::built_in(), context)
     }
 
-    fn made(self, context: &Context) -> Result<Value> {
+    /// Makes it by the jobs of a table. Its glasses take precedence over those of the context. In a context without a command line, results name the
+    /// job. Events and errors name keys of the request in place of flags of the command.
+    pub fn run_by(self, table: &Table, context: &Context) -> Result<Value> {
+        self.made(table, &context.clone().in_keys()).map_err(error_in_keys)
+    }
+
+    fn made(self, table: &Table, context: &Context) -> Result<Value> {
         if self.threads > MOST_THREADS {
             let message = format!("call: `threads` is {}, more than {MOST_THREADS}", self.threads);
             let error = JobError::input(message, "0 means those of the process");
             return Err(error.at_place(key("threads", self.threads)));
         }
-        let row = row(&self.job)?;
+        let row = table.row(&self.job)?;
         let request = self.request_on_device(row)?;
         let mut context = context.clone().overwriting(self.overwrite || context.overwrites());
         // A run says what made it, with or without a command line.
@@ -198,19 +203,6 @@ fn line_of(error: &serde_json::Error, text: &str) -> Place {
     Place { line, column, ..Place::default() }
 }
 
-/// The row of a name. The error says which names come near.
-pub fn row(name: &str) -> Result<&'static Row> {
-    jobs().iter().find(|row| row.name == name).ok_or_else(|| {
-        let names: Vec<&str> = jobs().iter().map(|row| row.name).collect();
-        let near = petzval_base::nearest(name, &names);
-        let hint = match near {
-            Some(near) => format!("did you mean `{near}`?"),
-            None => format!("one of {}", names.join(", ")),
-        };
-        JobError::input(format!("call: there is no job `{name}`"), hint).at_place(key("job", name))
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -262,8 +254,7 @@ mod tests {
         // Columns count characters.
         let error = Call::parse("{\"é\": x}").unwrap_err().report();
         assert_eq!(error.place.unwrap().column, Some(7), "{}", error.message);
-        let none = Call::new("lens-lst", nothing());
-        assert_eq!(row(&none.job).err().unwrap().report().place, Some(key("job", "lens-lst")));
+        assert_eq!(crate::row("lens-lst").err().unwrap().report().place, Some(key("job", "lens-lst")));
 
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("call.json");

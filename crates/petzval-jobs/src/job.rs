@@ -68,7 +68,7 @@ pub struct Row {
 
 impl Row {
     /// The row of a job.
-    pub(crate) const fn of<J: Job>() -> Self {
+    pub const fn of<J: Job>() -> Self {
         Self {
             name: J::NAME,
             about: J::ABOUT,

@@ -80,7 +80,7 @@ pub mod weights;
 
 pub use as_unit::AsUnit;
 pub use built_in::built_in_assets;
-pub use call::{CALL_FORMAT, Call, row};
+pub use call::{CALL_FORMAT, Call};
 pub use context::{Context, Silent};
 pub use device::{DEVICES, compiled_in_devices};
 pub use device_check::{DeviceReport, Verdict};
@@ -94,7 +94,7 @@ pub use own_lens::is_lens_text;
 pub use petzval_design::library::Library;
 pub use results::NOWHERE;
 pub use settings::settings_of;
-pub use table::jobs;
+pub use table::{Table, jobs, row};
 pub use threads::MOST_THREADS;
 
 /// What outlives a call may go from thread to thread: a server keeps it.

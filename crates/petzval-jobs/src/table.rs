@@ -1,36 +1,39 @@
 //! The table of jobs: one row a verb.
 
-use crate::as_unit::AsUnit;
-use crate::context::Context;
-use crate::error::Result;
-use crate::job::{Job, Row};
+use crate::error::{JobError, Place, Result};
+use crate::job::Row;
 
-macro_rules! jobs {
+/// Makes the rows of jobs: a type for each job, which implements [`Job`](crate::Job), and `TABLE` with the rows of all.
+///
+/// A row has the name of that type, the name of the job, the keys that a request must hold, and what the job does. Request and response follow, then
+/// the function that runs the job, and how it is done as a unit of work if that is not [`AsUnit::PLAIN`](crate::AsUnit::PLAIN).
+#[macro_export]
+macro_rules! table_of_jobs {
     ($($job:ident $name:literal $needs:tt $about:literal $request:ty => $response:ty, $run:path $(, $unit:path)?;)*) => {
         $(
             #[doc = $about]
             #[derive(Clone, Copy, Debug)]
             pub struct $job;
 
-            impl Job for $job {
+            impl $crate::Job for $job {
                 const NAME: &'static str = $name;
                 const ABOUT: &'static str = $about;
                 const NEEDS: &'static [&'static str] = &$needs;
                 type Request = $request;
                 type Response = $response;
-                $(const UNIT: AsUnit<$request> = $unit;)?
+                $(const UNIT: $crate::AsUnit<$request> = $unit;)?
 
-                fn run(request: &$request, context: &Context) -> Result<$response> {
+                fn run(request: &$request, context: &$crate::Context) -> $crate::Result<$response> {
                     $run(request, context)
                 }
             }
         )*
 
-        const TABLE: &[Row] = &[$(Row::of::<$job>()),*];
+        const TABLE: &[$crate::Row] = &[$($crate::Row::of::<$job>()),*];
     };
 }
 
-jobs! {
+table_of_jobs! {
     Design "design" ["run"]
         "Designs lens and network together, and compares with controls."
         crate::design::Request => crate::design::Response, crate::design::run, crate::design::UNIT;
@@ -195,7 +198,54 @@ jobs! {
         crate::doctor::Request => crate::doctor::Response, crate::doctor::run;
 }
 
-/// Every job, in the order of the command's help.
+/// Every job of this crate, in the order of the command's help.
 pub fn jobs() -> &'static [Row] {
     TABLE
+}
+
+/// The row of a job of this crate. The error says which names come near.
+pub fn row(name: &str) -> Result<&'static Row> {
+    named(TABLE, name)
+}
+
+/// Jobs by name: those of this crate, and those of crates above it.
+#[derive(Clone)]
+pub struct Table {
+    rows: Vec<Row>,
+}
+
+impl Table {
+    /// The jobs of this crate.
+    pub fn built_in() -> Self {
+        Self { rows: TABLE.to_vec() }
+    }
+
+    /// The same with further jobs. No two jobs have one name.
+    pub fn with(mut self, rows: &[Row]) -> Self {
+        self.rows.extend_from_slice(rows);
+        self
+    }
+
+    /// Every job, in the order of the command's help.
+    pub fn rows(&self) -> &[Row] {
+        &self.rows
+    }
+
+    /// The row of a name. The error says which names come near.
+    pub fn row(&self, name: &str) -> Result<&Row> {
+        named(&self.rows, name)
+    }
+}
+
+fn named<'r>(rows: &'r [Row], name: &str) -> Result<&'r Row> {
+    rows.iter().find(|row| row.name == name).ok_or_else(|| {
+        let names: Vec<&str> = rows.iter().map(|row| row.name).collect();
+        let near = petzval_base::nearest(name, &names);
+        let hint = match near {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => format!("one of {}", names.join(", ")),
+        };
+        let place = Place { key: "job".to_owned(), value: name.to_owned(), ..Place::default() };
+        JobError::input(format!("call: there is no job `{name}`"), hint).at_place(place)
+    })
 }

@@ -8,6 +8,7 @@ mod measuring;
 mod one_development;
 mod pinhole_captures;
 mod psf_files;
+mod row_check;
 mod schema_check;
 mod schemas;
 mod table;

@@ -1,18 +1,20 @@
 //! The table of jobs: stored calls stay readable, and every row can be called from JSON and stopped.
 
-use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 
-use petzval_jobs::{Call, Context, Fault, JobError, Silent, built_in_assets, jobs, lens, row};
+use petzval_jobs::{
+    Call, Context, Fault, Job, JobError, Row, Silent, Table, built_in_assets, jobs, lens, row,
+};
 use serde_json::{Value, json};
+
+use crate::row_check;
 
 /// A call of each row with its smallest request; `DIR` stands for an empty folder.
 const CALLS: &str = include_str!("../calls.json");
 
 fn calls(folder: &str) -> Vec<Call> {
-    let calls: Vec<Value> = serde_json::from_str(&CALLS.replace("DIR", folder)).unwrap();
-    calls.iter().map(|call| Call::parse(&call.to_string()).unwrap()).collect()
+    row_check::calls(CALLS, folder)
 }
 
 fn context() -> Context {
@@ -28,30 +30,7 @@ fn hint(error: &JobError) -> String {
 
 #[test]
 fn every_row_has_a_stored_call_whose_request_it_reads() {
-    let stored: BTreeSet<String> = calls("x").into_iter().map(|call| call.job).collect();
-    let rows: BTreeSet<String> = jobs().iter().map(|row| row.name.to_owned()).collect();
-    assert_eq!(stored, rows);
-    assert_eq!(rows.len(), jobs().len());
-    let mut filled = Vec::new();
-    for call in calls("x") {
-        let row = row(&call.job).unwrap();
-        let whole = row.filled_in(call.request.clone()).unwrap_or_else(|e| panic!("{}: {e}", call.job));
-        filled.push(json!({"job": call.job, "request": whole}));
-        assert_eq!(row.filled_in(whole.clone()).unwrap(), whole, "{}", call.job);
-        let back: Call = serde_json::from_value(serde_json::to_value(&call).unwrap()).unwrap();
-        assert_eq!(back, call);
-        // What the schema requires is what a request cannot do without.
-        let schema = row.schema();
-        assert_eq!(schema["$schema"], "https://json-schema.org/draft/2020-12/schema", "{}", call.job);
-        for key in schema.get("required").and_then(Value::as_array).into_iter().flatten() {
-            let property = &schema["properties"][key.as_str().unwrap()];
-            assert!(property.get("default").is_none(), "{}: {key} is required and has a default", call.job);
-            let mut without = call.request.clone();
-            without.as_object_mut().unwrap().remove(key.as_str().unwrap()).unwrap();
-            let error = row.filled_in(without).unwrap_err();
-            assert!(error.to_string().contains("is missing"), "{}: {error}", call.job);
-        }
-    }
+    let filled = row_check::check_stored(jobs(), &calls("x"));
     // Every key with its default, as stored: one that is renamed or has another default shows here.
     let stored = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/requests.json");
     if std::env::var_os("PETZVAL_STORE_REQUESTS").is_some() {
@@ -62,6 +41,33 @@ fn every_row_has_a_stored_call_whose_request_it_reads() {
         assert_eq!(now, then);
     }
     assert_eq!(filled.len(), stored.len());
+}
+
+struct Double;
+
+impl Job for Double {
+    const NAME: &'static str = "double";
+    const ABOUT: &'static str = "Doubles a number.";
+    const NEEDS: &'static [&'static str] = &[];
+    type Request = u32;
+    type Response = u32;
+
+    fn run(request: &u32, _: &Context) -> Result<u32, JobError> {
+        Ok(2 * request)
+    }
+}
+
+#[test]
+fn a_table_takes_further_rows_which_calls_find_by_name() {
+    let table = Table::built_in().with(&[Row::of::<Double>()]);
+    assert_eq!(table.rows().len(), jobs().len() + 1);
+    assert_eq!(Call::new("double", json!(21)).run_by(&table, &context()).unwrap(), 42);
+    let error = Call::new("double", json!("x")).run_by(&table, &context()).unwrap_err();
+    assert!(error.to_string().starts_with("request of double: "), "{error}");
+    assert_eq!(hint(&table.row("doubel").err().unwrap()), "did you mean `double`?");
+    assert!(table.row("lens-show").is_ok());
+    let error = Call::new("double", json!(21)).run(&context()).unwrap_err();
+    assert!(error.to_string().contains("there is no job `double`"), "{error}");
 }
 
 #[test]

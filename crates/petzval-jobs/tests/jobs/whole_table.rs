@@ -3,27 +3,20 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use cpu_time::ProcessTime;
-use petzval_base::Cancel;
-use petzval_jobs::{Call, Context, ErrorReport, Event, JobError, Silent, Watcher, built_in_assets, jobs};
+use petzval_jobs::{Call, Context, Silent, Table, built_in_assets, jobs};
 use serde_json::{Value, json};
 
+use crate::row_check::{calls, start_and_cancel};
 use crate::small_sensor;
 
 /// Calls of rows that need nothing, and those of rows that need what [`prepare`] makes.
 const CALLS: [&str; 2] = [include_str!("../calls.json"), include_str!("../ready.json")];
 
-/// Most events of a job after it is cancelled: those of the running step, and of what is kept.
-const FURTHER: usize = 64;
-
 /// CPU time of the whole test, at most.
 const CPU: Duration = Duration::from_secs(120);
-
-/// Time after which a job that says nothing is cancelled.
-const PATIENCE: Duration = Duration::from_secs(2);
 
 /// An experiment with a detector that runs in seconds.
 const LIGHTS: &str = r#"
@@ -54,24 +47,6 @@ name = "nominal"
 [[variant.stage]]
 moves = ["network"]
 "#;
-
-/// Cancels its job at the first event, and counts those that follow.
-struct Stopper {
-    cancel: Cancel,
-    further: AtomicUsize,
-}
-
-impl Watcher for Stopper {
-    fn event(&self, event: &Event) {
-        // Whatever a job says can be sent, and is what was sent.
-        let text = serde_json::to_string(event).unwrap();
-        let back: Event = serde_json::from_str(&text).unwrap();
-        assert_eq!(serde_json::to_string(&back).unwrap(), text);
-        if self.cancel.set() {
-            self.further.fetch_add(1, Ordering::Relaxed);
-        }
-    }
-}
 
 fn call(job: &str, request: Value) -> Call {
     Call::new(job, request)
@@ -134,14 +109,11 @@ fn write_pictures(folder: &Path) {
     std::fs::write(folder.join("yolo/data.yaml"), "nc: 1\nnames: ['light red']\n").unwrap();
 }
 
-/// One call of each row, as JSON.
-fn calls(folder: &str) -> BTreeMap<String, String> {
-    let all = CALLS.iter().flat_map(|text| {
-        let calls: Vec<Value> = serde_json::from_str(&text.replace("DIR", folder)).unwrap();
-        calls
-    });
-    let ready = all.filter(|call| !call.to_string().contains("missing"));
-    ready.map(|call| (call["job"].as_str().unwrap().to_owned(), call.to_string())).collect()
+/// One call of each row.
+fn call_of_each(folder: &str) -> BTreeMap<String, Call> {
+    let all = CALLS.iter().flat_map(|text| calls(text, folder));
+    let ready = all.filter(|call| !call.request.to_string().contains("missing"));
+    ready.map(|call| (call.job.clone(), call)).collect()
 }
 
 #[test]
@@ -149,45 +121,11 @@ fn every_row_starts_from_its_smallest_request_and_ends_soon_after_it_is_cancelle
     let began = ProcessTime::now();
     let folder = tempfile::tempdir().unwrap();
     prepare(folder.path());
-    let calls = calls(&folder.path().display().to_string().replace('\\', "/"));
+    let mut calls = call_of_each(&folder.path().display().to_string().replace('\\', "/"));
     assert_eq!(calls.len(), jobs().len(), "a row has no call without missing files");
-    for row in jobs() {
-        let cancel = Cancel::default();
-        let stopper = Arc::new(Stopper { cancel: cancel.clone(), further: AtomicUsize::new(0) });
-        let context = Context::new(built_in_assets(), stopper.clone()).with_cancellation(cancel.clone());
-        // The timer ends with the job.
-        let (ended, end) = std::sync::mpsc::channel::<()>();
-        let timer = std::thread::spawn(move || {
-            if end.recv_timeout(PATIENCE).is_err() {
-                cancel.set();
-            }
-        });
-        let before = ProcessTime::now();
-        let outcome = Call::parse(&calls[row.name]).unwrap().run(&context);
-        let _gone = ended.send(());
-        timer.join().unwrap();
-        let further = stopper.further.load(Ordering::Relaxed);
-        let how = match outcome {
-            Ok(response) => {
-                let text = response.to_string();
-                assert_eq!(serde_json::from_str::<Value>(&text).unwrap(), response, "{}", row.name);
-                "ends".to_owned()
-            }
-            Err(error) => {
-                let report = serde_json::to_string(&error).unwrap();
-                assert_eq!(serde_json::from_str::<ErrorReport>(&report).unwrap(), error.report());
-                let JobError::Stopped(stopped) = error else { panic!("{}: {error}", row.name) };
-                let there = stopped.kept.iter().filter(|path| path.exists()).count();
-                assert_eq!(there, stopped.kept.len(), "{}: {:?}", row.name, stopped.kept);
-                // What goes on is a request of the same row.
-                if let Some(request) = &stopped.resume {
-                    row.filled_in(request.clone()).unwrap_or_else(|e| panic!("{}: {e}", row.name));
-                }
-                stopped.message.clone()
-            }
-        };
-        println!("{}: {further} further events, {:.1} s: {how}", row.name, before.elapsed().as_secs_f64());
-        assert!(further <= FURTHER, "{}: {further} events after it was cancelled", row.name);
+    let table = Table::built_in();
+    for row in table.rows() {
+        start_and_cancel(&table, calls.remove(row.name).unwrap());
     }
     assert!(began.elapsed() < CPU, "{:?} of CPU time", began.elapsed());
 }
