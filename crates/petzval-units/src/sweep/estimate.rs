@@ -9,6 +9,8 @@ use petzval_design::experiment::{BlockName, Experiment};
 use petzval_design::run::read_events;
 use petzval_jobs::design::{self, Changes, Request, Run};
 use petzval_jobs::{Context, JobError, Result, Stopped};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::kept::KeptSweep;
@@ -23,7 +25,7 @@ const STEPS: usize = 4;
 const STORE: &str = "store.json";
 
 /// What a sweep will cost.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Estimate {
     /// Units whose result is there already.
     pub done: usize,

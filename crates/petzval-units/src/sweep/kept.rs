@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use petzval_base::{nearest, write_whole};
 use petzval_jobs::{Context, JobError, Result, json};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -52,7 +53,7 @@ pub struct KeptSweep {
 }
 
 /// A unit by its name and its key in the store.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct KeptUnit {
     /// Its name.

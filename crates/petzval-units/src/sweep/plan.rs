@@ -7,7 +7,6 @@ use petzval_base::FileError;
 use petzval_jobs::design::{Changes, NewRun, Request, Run, Settings, VariantNames};
 use petzval_jobs::{
     Call, Context, DEVICES, ExperimentInput, InputKind, JobError, MOST_THREADS, NamedInput, Result, design,
-    row,
 };
 use serde_json::{Map, Value};
 
@@ -15,6 +14,7 @@ use super::expand::{Expansion, SweptKey, by_key, expand, json_at, leaves_of};
 use super::file::{Level, Source, in_file};
 use super::name::names;
 use super::place::at_place;
+use crate::unit::row_of_unit;
 
 /// The job of a sweep over an experiment.
 pub const DESIGN: &str = "design";
@@ -135,8 +135,10 @@ fn check_is_of_a_job(source: &Source, job: &str) -> Result<()> {
         let hint = "what does not vary belongs to [request]; or name an experiment in place of the job";
         return Err(source.at(&[key], format!("the job `{job}` has no such key"), hint));
     }
-    let row = row(job).map_err(|error| match error {
-        JobError::Input { hint, .. } => source.at(&["job"], format!("there is no job `{job}`"), hint),
+    let row = row_of_unit(job).map_err(|error| match error {
+        JobError::Input { message, hint, .. } => {
+            source.at(&["job"], message.trim_start_matches("call: "), hint)
+        }
         other => other,
     })?;
     // What the sweep gives to the request of every unit, the request must have.
@@ -258,7 +260,7 @@ impl Unresolved<'_> {
             })?;
         }
         // A request that does not fit its schema is refused here.
-        let row = row(job)?;
+        let row = row_of_unit(job)?;
         let complete = row.filled_in_as_unit(request.clone()).map_err(|wrong| self.at_request(&wrong))?;
         if let Some(wrong) = row.out_of_range(&request) {
             return Err(self.at_request(&wrong));

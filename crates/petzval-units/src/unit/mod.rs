@@ -3,6 +3,7 @@
 
 mod digest;
 mod file;
+mod job;
 mod key;
 mod origin;
 mod prepared;
@@ -17,6 +18,7 @@ use serde_json::Value;
 
 pub use digest::{Digests, InputDigest};
 pub use file::{UnitFile, UnitFileError, read_units};
+pub use job::row_of_unit;
 pub use key::Key;
 pub use origin::Origin;
 pub use prepared::Prepared;

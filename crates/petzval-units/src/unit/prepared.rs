@@ -2,11 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use petzval_jobs::{CALL_FORMAT, Context, JobError, NOWHERE, Result, Row, row};
+use petzval_jobs::{CALL_FORMAT, Context, JobError, NOWHERE, Result, Row};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
 use super::digest::{Digests, InputDigest};
+use super::job::row_of_unit;
 use super::key::Key;
 use super::{UNIT_FORMAT, Unit};
 
@@ -58,7 +59,7 @@ impl Prepared {
                 format!("this program reads and writes format {CALL_FORMAT}"),
             ));
         }
-        let row = row(&unit.call.job)?;
+        let row = row_of_unit(&unit.call.job)?;
         let request = complete(unit, row)?;
         let mut inputs = Inputs { digests, found: Vec::new() };
         let known = inputs.by_content(&request, is_path)?;
@@ -84,7 +85,7 @@ impl Prepared {
 
     /// The row of its job.
     pub fn row(&self) -> Result<&'static Row> {
-        row(&self.unit.call.job)
+        row_of_unit(&self.unit.call.job)
     }
 }
 

@@ -1,10 +1,15 @@
-//! The store of units: what several processes, late and full file systems do to it.
+//! The store of units: what several processes, late and full file systems do to it, and the jobs that look at it.
 
 mod faulty;
+mod jobs;
 mod keys;
 mod late;
 mod layers;
+#[path = "../../../petzval-jobs/tests/jobs/row_check.rs"]
+mod row_check;
 mod runs;
+#[path = "../../../petzval-jobs/tests/jobs/schema_check.rs"]
+mod schema_check;
 
 use std::sync::Arc;
 
