@@ -11,7 +11,7 @@ import petzval as pz
 
 def test_every_job_has_a_schema() -> None:
     names = pz.jobs.names()
-    assert len(names) > 40 and "lens-tolerance" in names
+    assert len(names) > 40 and {"lens-tolerance", "runs", "sweep-gather", "unit-list"} <= set(names)
     for name in names:
         request, response = pz.jobs.schema(name)
         assert "title" in request and "title" in response
@@ -33,6 +33,12 @@ def test_a_wrong_key_is_named() -> None:
     with pytest.raises(pz.InputError, match="not a run folder") as caught:
         pz.Run("no-folder")
     assert caught.value.place.path == Path("no-folder") and "petzval runs" in caught.value.hint
+
+
+def test_the_verbs_of_runs_and_sweeps_are_jobs(tmp_path) -> None:
+    assert pz.jobs.run("runs", {"folder": tmp_path}) == {"runs": [], "units": []}
+    with pytest.raises(pz.InputError, match="no sweep is kept here"):
+        pz.jobs.run("sweep-gather", {"store": tmp_path})
 
 
 def test_an_error_in_a_file_has_its_place(tmp_path) -> None:

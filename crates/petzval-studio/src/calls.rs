@@ -10,7 +10,6 @@ use serde_json::Value;
 use crate::folder::{Folder, inline_experiment};
 use crate::frames;
 use crate::message::{MakeCall, Outgoing, Packed, refusal};
-use crate::more_jobs::made;
 use crate::outbox::Outbox;
 use crate::processes::Processes;
 use crate::uploads::Uploads;
@@ -88,9 +87,10 @@ impl Calls {
         let pool = live.map(|_| self.live.clone());
         let work = move || {
             let call = Call { overwrite, ..Call::new(&job, request) };
+            let jobs = petzval_units::table();
             let ended = match pool {
-                Some(pool) => pool.install(|| made(call, &context)),
-                None => made(call, &context),
+                Some(pool) => pool.install(|| call.run_by(&jobs, &context)),
+                None => call.run_by(&jobs, &context),
             };
             let frame = answer(id, ended, &bytes);
             // The channel is free before its page knows: it may send the next call at once.

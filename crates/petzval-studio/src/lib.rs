@@ -1,6 +1,6 @@
 //! The studio: one page in the browser that shows a camera while one changes it.
 //!
-//! It is a door to the table of jobs ([`petzval_jobs::jobs`]) and holds no optics: the page sends calls over one WebSocket, and gets events and
+//! It is a door to the table of jobs ([`petzval_units::table`]) and holds no optics: the page sends calls over one WebSocket, and gets events and
 //! responses back. The server listens on this machine alone. It lets in those who know the token of this start, checks the host and the origin of
 //! every request, and keeps paths of requests inside one folder. Sizes, connections and times are limited.
 //!
@@ -16,7 +16,6 @@ mod frames;
 mod gate;
 mod http;
 mod message;
-mod more_jobs;
 mod opened;
 mod outbox;
 mod page;

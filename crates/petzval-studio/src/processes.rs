@@ -10,7 +10,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::mpsc;
 
 use petzval_base::write_whole;
-use petzval_jobs::{Call, ErrorReport, row};
+use petzval_jobs::{Call, ErrorReport};
 use serde_json::{Value, json};
 
 use crate::folder::Folder;
@@ -34,7 +34,7 @@ impl Processes {
     /// Begins a call. The answer names the process and its log.
     pub fn begin(&self, call: &Call) -> Result<Value, Box<ErrorReport>> {
         // The name becomes a part of paths: none but that of a job does.
-        row(&call.job).map_err(|error| Box::new(error.report()))?;
+        petzval_units::table().row(&call.job).map_err(|error| Box::new(error.report()))?;
         let Some(program) = &self.program else {
             let hint = "call it without `process`, or start the studio by the command `petzval studio`";
             return Err(refusal("this studio begins no processes", hint));

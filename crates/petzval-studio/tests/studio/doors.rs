@@ -139,7 +139,7 @@ fn files_of_the_folder_are_shown_without_an_origin_and_no_other_is() {
     let id = page.send("runs", json!({"folder": "../.."}), None);
     assert!(page.end_of(id)["error"]["message"].as_str().unwrap().contains("out of the folder"));
     let id = page.send("runs", json!({"fold": 1}), None);
-    assert!(page.end_of(id)["error"]["message"].as_str().unwrap().contains("unknown field"));
+    assert!(page.end_of(id)["error"]["message"].as_str().unwrap().contains("`fold`: no such key here"));
     // A studio without a program begins no process, and says so.
     page.say(&json!({"id": 99, "job": "design", "process": true}).to_string()).unwrap();
     let refused = page.end_of(99);
