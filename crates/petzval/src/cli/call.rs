@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::cli::code::Code;
-use crate::jobs::{Call, ErrorReport, Event, JobError, Watcher, jobs};
+use crate::jobs::{Call, ErrorReport, Event, JobError, Watcher};
+use crate::units::table;
 use serde::Serialize;
 
 use super::failure::Failure;
@@ -42,7 +43,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     };
     let context = if args.events { terminal.context_of(Arc::new(JsonLines)) } else { terminal.context() };
     let stop = if args.events { signals::stop_quietly()? } else { signals::stop_on_signal()? };
-    let ended = call.run(&context.with_cancellation(stop));
+    let ended = call.run_by(&table(), &context.with_cancellation(stop));
     let error = match ended {
         Ok(response) => return print_json(&response),
         Err(error) => error,
@@ -111,8 +112,9 @@ pub struct JobsArgs {
 
 /// Runs the verb.
 pub fn list(args: JobsArgs) -> Result<Code, Failure> {
-    print_response(args.json, &jobs(), || {
-        for job in jobs() {
+    let table = table();
+    print_response(args.json, &table.rows(), || {
+        for job in table.rows() {
             outln!("{:<20} {}", job.name, job.about);
         }
     })

@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 
 use crate::cli::code::Code;
+use crate::jobs::Call;
 use crate::jobs::design::Changes;
 use crate::jobs::experiment::{self, FileKind, SchemaRequest};
 use crate::jobs::run_all::{self, Request};
-use crate::jobs::{Call, row};
 use crate::units::sweep::SweepFile;
+use crate::units::table;
 use clap::{Subcommand, ValueEnum};
 
 use super::defaults::{numbers, word};
@@ -148,7 +149,7 @@ pub struct SchemaArgs {
 /// Runs the verb.
 pub fn schema(args: SchemaArgs, terminal: &Terminal) -> Result<Code, Failure> {
     if let (Some(job), false) = (&args.job, args.kind == Kind::Job) {
-        let hint = match row(job) {
+        let hint = match table().row(job) {
             Ok(_) => format!("petzval schema job {job}"),
             Err(_) => "leave the name out".to_owned(),
         };
@@ -167,7 +168,8 @@ pub fn schema(args: SchemaArgs, terminal: &Terminal) -> Result<Code, Failure> {
         Kind::Sweep => return print_json(&SweepFile::schema()),
         Kind::Call => return print_json(&Call::schema()),
         Kind::Job => {
-            let row = row(args.job.as_deref().unwrap_or_default())?;
+            let table = table();
+            let row = table.row(args.job.as_deref().unwrap_or_default())?;
             return print_json(&if args.response { row.response_schema() } else { row.schema() });
         }
     };

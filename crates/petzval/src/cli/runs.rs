@@ -5,7 +5,8 @@ use std::time::Duration;
 
 use crate::base::time_text;
 use crate::cli::code::Code;
-use crate::units::runs::{RunRow, RunState, Runs, USUAL_FOLDER, runs_in};
+use crate::units::jobs::runs::{self, Request};
+use crate::units::runs::{RunRow, RunState, Runs, USUAL_FOLDER};
 
 use super::failure::Failure;
 use super::plain::{self, shown};
@@ -36,12 +37,13 @@ const AGAIN: Duration = Duration::from_secs(2);
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let context = terminal.context();
+    let request = Request { folder: args.dir.clone() };
     if args.watch {
         let stop = signals::end_on_signal()?;
         let context = context.with_cancellation(stop);
         let mut last = String::new();
         loop {
-            let text = in_words(&runs_in(&args.dir, &context)?, &args);
+            let text = in_words(&runs::run(&request, &context)?, &args);
             if text != last {
                 outln!("{text}");
                 last = text;
@@ -49,7 +51,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
             std::thread::sleep(AGAIN);
         }
     }
-    let runs = runs_in(&args.dir, &context.with_cancellation(signals::end_on_signal()?))?;
+    let runs = runs::run(&request, &context.with_cancellation(signals::end_on_signal()?))?;
     print_response(args.json, &runs, || out!("{}", in_words(&runs, &args)))
 }
 

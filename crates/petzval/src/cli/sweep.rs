@@ -23,7 +23,7 @@ use super::terminal::Terminal;
 ///
 /// Keys are key paths of the experiment, as of `petzval design --set`. [grid] runs all combinations, [list] the first values of its lists
 /// together, then the second, and so on; [random] draws `n` times from {from, to, log} or {choice = [...]}. variants = ["nominal"] makes single
-/// variants. job = "lens-tolerance" with [request] runs any job of `petzval jobs` in place of an experiment.
+/// variants. job = "lens-tolerance" with [request] runs a job of `petzval jobs` in place of an experiment.
 ///
 /// Every unit is checked before the first one runs. Units and results are kept in a store: units that are finished are passed over, those that
 /// were stopped go on, so the same command can be given again at any time, on one machine or on many.
@@ -57,7 +57,7 @@ enum SweepVerb {
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     match args.verb {
-        Some(SweepVerb::Status(args)) => status::run(&args),
+        Some(SweepVerb::Status(args)) => status::run(&args, terminal),
         Some(SweepVerb::Gather(args)) => gather::run(&args, terminal),
         None => start::run(&args.start, terminal),
     }

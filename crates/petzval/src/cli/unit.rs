@@ -27,7 +27,7 @@ pub enum UnitVerb {
 pub fn run(verb: UnitVerb, terminal: &Terminal) -> Result<Code, Failure> {
     match verb {
         UnitVerb::Run(args) => run::run(args, terminal),
-        UnitVerb::Status(args) => status::run(args),
+        UnitVerb::Status(args) => status::run(args, terminal),
         UnitVerb::List(args) => list::run(args, terminal),
         UnitVerb::Gather(args) => gather::run(args, terminal),
     }

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use serde_json::{Value, json};
+
 use crate::common::*;
 
 /// A sweep of a job that takes no time.
@@ -69,6 +71,7 @@ fn what_is_wrong_is_refused_with_its_place_and_nothing_is_written() {
             "experiment = \"tiny.toml\"\ndevice = \"cudaa\"\n",
             &["s.toml:2:10: `device = \"cudaa\"`: there is no such device", "cpu, wgpu, cuda"],
         ),
+        ("job = \"runs\"\n", &["s.toml:1:7:", "the job `runs` looks at runs or units", "petzval call"]),
         ("job = \"lens-shw\"\n", &["s.toml:1:7:", "there is no job `lens-shw`", "did you mean `lens-show`?"]),
         (
             "job = \"lens-show\"\n[grid]\nlenz = [\"cooke-triplet-nominal\"]\n[request]\nlens = \"cooke-triplet-nominal\"\n",
@@ -312,6 +315,36 @@ fn a_sweep_of_a_job_is_run_here_gathered_and_a_failed_unit_run_again() {
     std::fs::remove_file(folder.path().join("sweeps/t/table.csv")).unwrap();
     std::fs::create_dir(folder.path().join("sweeps/t/table.csv")).unwrap();
     run_fails(folder.path(), &["sweep", "gather", "sweeps/t"], 2, &["table.csv: ", "with --out"]);
+}
+
+#[test]
+fn a_call_starts_the_verbs_of_runs_and_sweeps() {
+    let folder = tempfile::tempdir().unwrap();
+    let written = |job: &str, request: Value| {
+        write(folder.path(), "call.json", &json!({"format": 1, "job": job, "request": request}).to_string());
+        ["call", "call.json"]
+    };
+    let called = |job: &str, request: Value| run_ok(folder.path(), &written(job, request)).json();
+    assert_eq!(called("runs", json!({"folder": "."})), json!({"runs": [], "units": []}));
+    run_fails(folder.path(), &written("runs", json!({})), 2, &["runs: there is no such folder"]);
+    let none = json!({"store": "sweeps/s"});
+    run_fails(folder.path(), &written("sweep-gather", none), 2, &["no sweep is kept here"]);
+
+    write(folder.path(), "s.toml", "job = \"lens-show\"\n[grid]\nlens = [\"cooke-triplet-nominal\"]\n");
+    run_ok(folder.path(), &["sweep", "s.toml", "--submit", "here"]);
+    let gathered = called("sweep-gather", json!({"store": "sweeps/s", "out": "tables"}));
+    assert_eq!(gathered["status"]["units"][0]["state"], "done");
+    assert!(folder.path().join("tables/sweep.html").is_file());
+    // The verb is the same job.
+    let verb = run_ok(folder.path(), &["sweep", "gather", "sweeps/s", "--out", "other", "--json"]).json();
+    assert_eq!((&verb["rows"], &verb["figures"]), (&gathered["rows"], &gathered["figures"]));
+    assert_eq!(called("sweep-status", json!({"store": "sweeps/s"})), gathered["status"]);
+
+    assert!(run_ok(folder.path(), &["jobs"]).stdout.contains("\nsweep-gather "));
+    let schema = run_ok(folder.path(), &["schema", "job", "sweep-gather"]).json();
+    assert_eq!(schema["required"], json!(["store"]));
+    run_ok(folder.path(), &["schema", "job", "runs", "--response"]);
+    run_fails(folder.path(), &["schema", "job", "sweep-gathr"], 2, &["did you mean `sweep-gather`?"]);
 }
 
 #[test]

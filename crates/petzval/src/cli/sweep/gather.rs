@@ -2,11 +2,10 @@
 
 use std::path::PathBuf;
 
-use crate::base::{Cancel, pasted};
-use crate::units::store::Seen;
+use crate::base::pasted;
+use crate::units::jobs::sweep_gather::{self, Request, Response};
 use crate::units::sweep::{
-    Choice, Column, Gathered, GatheredRow, KeptSweep, figures_that_vary, gather, in_words, keep_results,
-    number, status, units_file, view,
+    Column, Gathered, GatheredRow, KeptSweep, figures_that_vary, in_words, number, units_file,
 };
 
 use super::super::code::Code;
@@ -47,21 +46,18 @@ const PART: &str = "part";
 
 /// Runs the verb.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<Code, Failure> {
+    let request = Request {
+        store: args.dir.clone(),
+        out: Some(args.out.as_ref().unwrap_or(&args.dir).clone()),
+        x: args.x.clone(),
+        y: args.y.clone(),
+        figure: args.figure.clone(),
+    };
+    let response = sweep_gather::run(&request, &terminal.context())?;
     let kept = KeptSweep::read(&args.dir)?;
-    let gathered = gather(
-        &kept,
-        &args.dir,
-        status(&kept, &args.dir, &mut Seen::default(), &Cancel::default())?,
-        &Cancel::default(),
-    )?;
-    let choice = Choice { x: args.x.clone(), y: args.y.clone(), figures: args.figure.clone() };
-    let again = format!("petzval sweep {} --store {} --retry", pasted(&kept.file), pasted(&args.dir));
-    let folder = args.out.as_ref().unwrap_or(&args.dir);
-    // A folder of one's own must not hold any yet.
-    let keeps = args.out.is_some() && !terminal.overwrites;
-    let files = keep_results(&gathered, &view(&gathered, &choice, &again)?, folder, keeps)?;
-    print_response(args.json, &gathered, || {
-        out!("{}", table(&gathered));
+    print_response(args.json, &response, || {
+        let Response { gathered, files } = &response;
+        out!("{}", table(gathered));
         out!("{}{}", errors(&gathered.status), counts(&gathered.status));
         if kept.job == TOLERANCES && kept.keys.iter().any(|key| key == PART) {
             let units = pasted(&units_file(&args.dir));

@@ -6,9 +6,10 @@ use std::process::Command;
 
 use crate::base::{counted, pasted, time_text};
 use crate::jobs::{Context, JobError};
+use crate::units::jobs::sweep_plan::{self, Request};
 use crate::units::sweep::{
-    Engine, KeptSweep, Plan, Source, Submission, USUAL_JOBS, USUAL_TIME, estimate, keep_scripts, keyed, plan,
-    units_file, usual_store,
+    Engine, KeptSweep, Source, Submission, USUAL_JOBS, USUAL_TIME, keep_scripts, keyed, plan, units_file,
+    usual_store,
 };
 
 use super::super::code::Code;
@@ -80,14 +81,14 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<Code, Failure> {
         ));
     };
     let root = args.store.clone().unwrap_or_else(|| usual_store(file));
-    let source = Source::read(file)?;
     let stop = signals::stop_quietly()?;
     let context = terminal.context().with_cancellation(stop.clone());
+    if args.dry_run {
+        return dry_run(&Request { file: file.clone(), store: args.store.clone() }, &context);
+    }
+    let source = Source::read(file)?;
     let plan = plan(&source, &context)?;
     let (kept, units) = keyed(&plan, &source, &context)?;
-    if args.dry_run {
-        return dry_run(&plan, &kept, &root, &context);
-    }
     for name in &args.retry {
         kept.named(name)?;
     }
@@ -96,7 +97,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<Code, Failure> {
     let submission = submission(args, &kept, store.root())?;
     keep_scripts(&submission, store.root())?;
     drop(context);
-    noteln!("{} in {}{}", counted(plan.units.len(), "unit"), shown(&root), merged(&plan));
+    noteln!("{} in {}{}", counted(plan.units.len(), "unit"), shown(&root), merged(plan.merged));
     if let Some(before) = before {
         // Tasks read the file of units when they start.
         noteln!(
@@ -129,8 +130,8 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<Code, Failure> {
 }
 
 /// What is said of draws that were left out.
-fn merged(plan: &Plan) -> String {
-    match plan.merged {
+fn merged(draws: usize) -> String {
+    match draws {
         0 => String::new(),
         merged => format!(
             "; {} had the values of earlier ones and {} left out",
@@ -141,14 +142,15 @@ fn merged(plan: &Plan) -> String {
 }
 
 /// Prints what the sweep would cost.
-fn dry_run(plan: &Plan, kept: &KeptSweep, root: &Path, context: &Context) -> Result<Code, Failure> {
-    outln!("{}{}", counted(plan.units.len(), "unit"), merged(plan));
+fn dry_run(request: &Request, context: &Context) -> Result<Code, Failure> {
+    let plan = sweep_plan::run(request, context)?;
+    outln!("{}{}", counted(plan.units.len(), "unit"), merged(plan.merged));
     let named = plan.units.iter().take(SHOWN);
     named.for_each(|unit| outln!("  {}", unit.name));
     if plan.units.len() > SHOWN {
         outln!("  and {} more", plan.units.len() - SHOWN);
     }
-    match estimate(plan, kept, root, context)? {
+    match plan.estimate {
         Some(estimate) => {
             if estimate.done > 0 {
                 outln!("finished already: {}", estimate.done);

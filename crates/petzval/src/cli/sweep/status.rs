@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use crate::base::{Cancel, time_text};
+use crate::units::jobs::sweep_status::{self, Request};
 use crate::units::store::Seen;
 use crate::units::sweep::{KeptSweep, State, SweepStatus, UnitStatus, status};
 
@@ -11,7 +12,7 @@ use super::super::code::Code;
 use super::super::failure::Failure;
 use super::super::plain;
 use super::super::signals;
-use super::super::terminal::print_json;
+use super::super::terminal::{Terminal, print_response};
 use super::super::text_table::TextTable;
 
 /// Show how the units of a sweep stand: done, running, stale (their process is gone, the next one goes on), stopped, failed or waiting.
@@ -34,17 +35,14 @@ pub struct Args {
 const AGAIN: Duration = Duration::from_secs(2);
 
 /// Runs the verb.
-pub fn run(args: &Args) -> Result<Code, Failure> {
-    let kept = KeptSweep::read(&args.dir)?;
-    let mut seen = Seen::default();
+pub fn run(args: &Args, terminal: &Terminal) -> Result<Code, Failure> {
     if !args.watch {
-        let now = status(&kept, &args.dir, &mut seen, &Cancel::default())?;
-        if args.json {
-            return print_json(&now);
-        }
-        out!("{}", in_words(&now, args.all));
-        return Ok(Code::SUCCESS);
+        let request = Request { store: args.dir.clone() };
+        let now = sweep_status::run(&request, &terminal.context())?;
+        return print_response(args.json, &now, || out!("{}", in_words(&now, args.all)));
     }
+    // Looks one after another see which claims stay unchanged.
+    let (kept, mut seen) = (KeptSweep::read(&args.dir)?, Seen::default());
     let _stop = signals::end_on_signal()?;
     let mut last = String::new();
     loop {

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use crate::base::counted;
 use crate::cli::code::Code;
 use crate::jobs::JobError;
-use crate::units::store::{Joined, Store, gather_tolerances};
+use crate::units::jobs::unit_gather::{self, Analysis, Request};
+use crate::units::store::Store;
 use crate::units::unit::read_units;
-use serde::Serialize;
 
 use super::super::failure::Failure;
 use super::super::number::figure;
@@ -33,13 +33,6 @@ pub struct Args {
     json: bool,
 }
 
-/// An analysis, as JSON.
-#[derive(Serialize)]
-struct Row<'j> {
-    units: &'j [String],
-    report: &'j crate::jobs::lens::tolerance::Report,
-}
-
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let file = read_units(&args.file)?;
@@ -53,13 +46,12 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         super::run::with_level(unit, terminal)?;
     }
     let context = context(&args.file, terminal)?;
-    let units: Vec<_> = file.units.iter().collect();
-    let joined = gather_tolerances(&units, &store, &context, out.as_deref());
+    let request = Request { units: file.units, store: store.root().to_path_buf(), out };
+    let joined = unit_gather::run(&request, &context);
     drop(context);
     let joined = joined?;
-    print_response(args.json, &joined.iter().map(row).collect::<Vec<_>>(), || {
-        for Joined { units, response } in &joined {
-            let report = &response.report;
+    print_response(args.json, &joined, || {
+        for Analysis { units, report } in &joined {
             let lenses = report.monte_carlo.as_ref();
             let figures = lenses.map_or_else(String::new, |random| {
                 format!(
@@ -75,12 +67,8 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
                 plain::message(&format!("{} from {}{figures}", report.lens, counted(units.len(), "unit")))
             );
         }
-        if let Some(out) = &out {
+        if let Some(out) = &request.out {
             noteln!("written to {}", shown(out));
         }
     })
-}
-
-fn row(Joined { units, response }: &Joined) -> Row<'_> {
-    Row { units, report: &response.report }
 }

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use crate::cli::code::Code;
-use crate::units::unit::{Digests, Prepared, read_units};
-use serde::Serialize;
+use crate::units::jobs::unit_list::{self, Request};
+use crate::units::unit::read_units;
 
 use super::super::failure::Failure;
 use super::super::plain;
@@ -23,35 +23,16 @@ pub struct Args {
     json: bool,
 }
 
-/// A unit, as JSON.
-#[derive(Serialize)]
-struct Listed<'p> {
-    name: &'p str,
-    job: &'p str,
-    key: &'p str,
-    seed: Option<u64>,
-    simd: &'p str,
-    inputs: &'p [crate::units::unit::InputDigest],
-}
-
 /// Runs the verb.
 pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let file = read_units(&args.file)?;
     let context = context(&args.file, terminal)?;
-    let digests = Digests::default();
-    let prepared = |unit| Prepared::checked(unit, &context, &digests);
-    let all = file.units.iter().map(prepared).collect::<Result<Vec<_>, _>>();
+    let units = unit_list::run(&Request { units: file.units }, &context);
     drop(context);
-    let all = all?;
-    print_response(args.json, &all.iter().map(listed).collect::<Vec<_>>(), || {
-        for Prepared { unit, key, .. } in &all {
-            outln!("{}  {:<20} {}", key.short(), unit.call.job, plain::message(&unit.name));
+    let units = units?;
+    print_response(args.json, &units, || {
+        for unit in &units {
+            outln!("{}  {:<20} {}", unit.key.short(), unit.job, plain::message(&unit.name));
         }
     })
-}
-
-fn listed(prepared: &Prepared) -> Listed<'_> {
-    let Prepared { unit, key, inputs, .. } = prepared;
-    let (name, job, simd) = (unit.name.as_str(), unit.call.job.as_str(), unit.simd.as_str());
-    Listed { name, job, key: key.as_str(), seed: unit.seed, simd, inputs }
 }

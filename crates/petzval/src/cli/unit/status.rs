@@ -3,13 +3,12 @@
 use std::path::PathBuf;
 
 use crate::cli::code::Code;
-use crate::jobs::{ErrorReport, JobError};
-use crate::units::store::{Claim, Cost, Failure as FailedUnit, Seen, Store, UnitState};
-use serde::Serialize;
+use crate::units::jobs::unit_status::{self, Entry, Request};
+use crate::units::store::State;
 
 use super::super::failure::Failure;
 use super::super::plain;
-use super::super::terminal::print_response;
+use super::super::terminal::{Terminal, print_response};
 
 /// Show where the units of a store stand.
 ///
@@ -23,83 +22,30 @@ pub struct Args {
     json: bool,
 }
 
-/// A unit, as JSON.
-#[derive(Serialize)]
-struct Row {
-    key: String,
-    name: String,
-    job: String,
-    state: &'static str,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    attempt: Option<u32>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    claim: Option<Claim>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    failure: Option<Box<FailedUnit>>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    damage: Option<Box<ErrorReport>>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    cost: Option<Cost>,
-}
+/// States in the order in which they are counted. A unit in a store was begun.
+const SHOWN: [State; 6] =
+    [State::Done, State::Running, State::Stopped, State::Stale, State::Failed, State::Damaged];
 
 /// Runs the verb.
-pub fn run(args: Args) -> Result<Code, Failure> {
-    let rows = rows(&args)?;
-    print_response(args.json, &rows, || {
-        for row in &rows {
-            let more = match row {
-                Row { failure: Some(failure), .. } => failure.error.in_words(),
-                Row { damage: Some(damage), .. } => damage.in_words(),
-                Row { claim: Some(claim), .. } => format!("{} since {}", claim.holder, claim.began),
-                Row { cost: Some(cost), .. } => format!("{:.1} s", cost.seconds),
+pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
+    let units = unit_status::run(&Request { store: args.dir }, &terminal.context())?;
+    print_response(args.json, &units, || {
+        for unit in &units {
+            let more = match unit {
+                Entry { failure: Some(failure), .. } => failure.error.in_words(),
+                Entry { damage: Some(damage), .. } => damage.in_words(),
+                Entry { claim: Some(claim), .. } => format!("{} since {}", claim.holder, claim.began),
+                Entry { cost: Some(cost), .. } => format!("{:.1} s", cost.seconds),
                 _ => String::new(),
             };
-            let line = format!("{}  {:<8} {:<20} {}  {more}", &row.key[..12], row.state, row.job, row.name);
+            let (key, state) = (unit.key.short(), unit.state.word());
+            let line = format!("{key}  {state:<8} {:<20} {}  {more}", unit.job, unit.name);
             outln!("{}", plain::line(line.trim_end()));
         }
-        let count = |state: &str| rows.iter().filter(|row| row.state == state).count();
         let counts =
-            ["done", "running", "stopped", "stale", "failed", "damaged"].map(|state| (state, count(state)));
+            SHOWN.map(|state| (state.word(), units.iter().filter(|unit| unit.state == state).count()));
         let counts: Vec<String> =
             counts.iter().filter(|(_, n)| *n > 0).map(|(state, n)| format!("{n} {state}")).collect();
         outln!("{}", if counts.is_empty() { "no unit was begun here".to_owned() } else { counts.join(", ") });
     })
-}
-
-fn rows(args: &Args) -> Result<Vec<Row>, JobError> {
-    let store = Store::open(&args.dir)?;
-    let mut seen = Seen::default();
-    let mut rows = Vec::new();
-    for key in store.keys()? {
-        // What cannot be read has no name; its state says why.
-        let unit = store.unit(&key).ok().flatten();
-        let (name, job) = unit.map_or_else(Default::default, |unit| (unit.name, unit.call.job));
-        let state = store.state(&key, &mut seen)?;
-        let bare = Row {
-            key: key.to_string(),
-            name,
-            job,
-            state: state.state().word(),
-            attempt: None,
-            claim: None,
-            failure: None,
-            damage: None,
-            cost: None,
-        };
-        rows.push(match state {
-            UnitState::Waiting => bare,
-            UnitState::Running { attempt, claim } | UnitState::Stale { attempt, claim } => {
-                Row { attempt: Some(attempt), claim, ..bare }
-            }
-            UnitState::Stopped { attempt } => Row { attempt: Some(attempt), ..bare },
-            UnitState::Failed(failure) => {
-                let (attempt, cost) = (Some(failure.attempt), Some(failure.cost.clone()));
-                Row { attempt, cost, failure: Some(failure), ..bare }
-            }
-            UnitState::Damaged(damage) => Row { damage: Some(damage), ..bare },
-            UnitState::Done(result) => Row { attempt: Some(result.attempt), cost: Some(result.cost), ..bare },
-        });
-    }
-    rows.sort_by(|a, b| a.name.cmp(&b.name));
-    Ok(rows)
 }

@@ -154,7 +154,8 @@ fn arguments(all: Vec<&Arg>, ranges: &BTreeMap<String, Row>) -> String {
 
 /// The keys of the request of a job that have a range. What parses the command line does not know it: the job checks it.
 fn ranges_of(job: &str) -> BTreeMap<String, Row> {
-    let Some(row) = petzval::jobs::jobs().iter().find(|row| row.name == job) else { return BTreeMap::new() };
+    let jobs = petzval::units::table();
+    let Ok(row) = jobs.row(job) else { return BTreeMap::new() };
     let schema = row.schema();
     let rows = Schema(&schema).rows(usize::MAX);
     let last = |key: &str| key.rsplit('.').next().unwrap_or(key).to_owned();

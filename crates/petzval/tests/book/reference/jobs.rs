@@ -1,6 +1,7 @@
 //! The pages of the jobs: each with its request and its response.
 
-use petzval::jobs::{Call, jobs};
+use petzval::jobs::Call;
+use petzval::units::table as all_jobs;
 use serde_json::Value;
 
 use super::Page;
@@ -9,16 +10,20 @@ use super::markdown::{code, sentence, table};
 use super::schema_rows::{Schema, as_table, as_table_of_response};
 
 /// A call of each job with its smallest request, as the tests of the jobs keep it.
-const CALLS: &str = include_str!("../../../../petzval-jobs/tests/calls.json");
+const CALLS: [&str; 2] = [
+    include_str!("../../../../petzval-jobs/tests/calls.json"),
+    include_str!("../../../../petzval-units/tests/calls.json"),
+];
 
 /// The table of all jobs, and a page for each group.
 pub fn pages() -> Vec<Page> {
-    let calls: Vec<Value> = serde_json::from_str(CALLS).expect("calls");
+    let calls = CALLS.map(|text| serde_json::from_str::<Vec<Value>>(text).expect("calls")).concat();
+    let jobs = all_jobs();
     let call = Call::schema();
     let mut all = format!("## A call\n\n{}\n## The jobs\n\n", as_table(&Schema(&call).rows(1)));
     let mut pages = Vec::new();
     for group in GROUPS {
-        let own: Vec<_> = jobs().iter().filter(|row| group_of(row.name).page == group.page).collect();
+        let own: Vec<_> = jobs.rows().iter().filter(|row| group_of(row.name).page == group.page).collect();
         if own.is_empty() {
             continue;
         }
