@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::bench::Bench;
+use common::bench::{Bench, FULL_E};
 use common::within;
 use petzval_lab::emva::goodness::ALPHA;
 use petzval_lab::emva::{
@@ -56,6 +56,52 @@ fn a_response_that_bends_widens_the_error_of_k() {
                 found.warnings
             );
         }
+    }
+}
+
+/// Exposures of a series of few, in electrons.
+fn few_exposures() -> [Vec<f64>; 3] {
+    let of = |shares: &[f64]| shares.iter().map(|share| share * FULL_E).collect();
+    [of(&[0.3, 0.6]), of(&[0.2, 0.4, 0.6]), of(&[0.15, 0.3, 0.45, 0.6])]
+}
+
+#[test]
+fn a_response_that_bends_widens_the_errors_of_few_exposures() {
+    for flat_e in few_exposures() {
+        for (linear_gains, compression) in
+            [(vec![1.0], 0.03), (vec![1.0], 0.08), (vec![1.0], -0.03), (vec![1.0, 2.0, 4.0], 0.03)]
+        {
+            let what = format!("{} exposures, {linear_gains:?}, {compression}", flat_e.len());
+            let bench = Bench { flat_e: flat_e.clone(), linear_gains, compression, ..Bench::default() };
+            let found = bench.measured();
+            let channel = &found.gains[0].channels[0];
+            // The bend takes noise at the bright end, which is no knee.
+            assert_eq!(channel.transfer.used, flat_e.len(), "{what}");
+            within(&format!("{what}: K"), channel.transfer.gain_dn_per_e, 0.38, 3.0);
+            within(&format!("{what}: joint"), found.joint.gain_dn_per_e, 0.38, 3.0);
+            within(&format!("{what}: R"), channel.figure("R").unwrap().best(), 0.19, 3.0);
+            within(&format!("{what}: QE"), channel.figure("QE").unwrap().best(), 50.0, 3.0);
+            for fit in ["K", "R"] {
+                assert_eq!(verdict(&found, fit), Verdict::Widened, "{what}");
+                let said = warned(&found, &format!("of {fit} "));
+                assert!(!said.is_empty(), "{what}: {:?}", found.warnings);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_straight_response_of_few_exposures_has_the_error_of_its_noise() {
+    for flat_e in few_exposures().into_iter().chain([vec![0.6 * FULL_E]]) {
+        let bench = Bench { flat_e, ..Bench::default() };
+        let found = bench.measured();
+        let what = format!("{} exposures", bench.flat_e.len());
+        for fit in fits(&found) {
+            assert_eq!(fit.test.model_error, 0.0, "{what}: {fit:?}");
+        }
+        within(&format!("{what}: K"), found.joint.gain_dn_per_e, 0.38, 4.0);
+        assert!(share_of_error(found.joint.gain_dn_per_e) < 0.01, "{what}: {:?}", found.joint.gain_dn_per_e);
+        assert!(warned(&found, "").is_empty(), "{what}: {:?}", found.warnings);
     }
 }
 

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::colour_name::colour_name;
-use super::goodness::{FitTest, Verdict};
+use super::goodness::{ALPHA, FitTest, Verdict};
 use super::result::Characterization;
 use super::transfer::PhotonTransfer;
 use petzval_camera::sensor::Colour;
@@ -48,6 +48,19 @@ pub(super) const SHARED_NOISE: &str = "pixels or frames share noise";
 
 /// The cause of a K whose error contains the steps between compressed numbers. It has a warning of its own.
 pub(super) const COMPRESSED: &str = "the digital numbers are compressed";
+
+/// The cause of a K whose error contains what the response over the light does to it, if that is so.
+fn of_response(transfer: &PhotonTransfer) -> Option<&'static str> {
+    let test = transfer.gain_test;
+    let own_fails = test.p_value < ALPHA || test.curvature_p_value.is_some_and(|p| p < ALPHA);
+    if transfer.straightened_gain_dn_per_e.is_some() {
+        Some("the response bends over the light")
+    } else if test.model_error > 0.0 && !own_fails {
+        Some("the response departs from a line over the light")
+    } else {
+        None
+    }
+}
 
 /// Whether the points of K depart from their line by themselves, without the errors of shared noise and of compression. Steps between
 /// compressed numbers scatter the variance by about their own error.
@@ -107,7 +120,7 @@ pub fn fits(found: &Characterization) -> Vec<NamedFit> {
         }
         for channel in &gain.channels {
             let (colour, transfer) = (Some(channel.colour), &channel.transfer);
-            let bends = transfer.straightened_gain_dn_per_e.map(|_| "the response bends over the light");
+            let bends = of_response(transfer);
             let compressed = transfer.compression.map(|_| COMPRESSED);
             let named = transfer.shared_noise.map(|_| SHARED_NOISE).or(compressed);
             // A fit that departs by itself has its own warning, whatever else the error of K contains.

@@ -8,6 +8,9 @@
 //! A fit that fails either test at [`ALPHA`] does not describe its points, and an error of noise alone would be too small. The
 //! [`Departure`] is what to add: the change of the slope that the quadratic term makes at `x = 0`, and the error of noise as many times as
 //! the points scatter more than noise does (Birge 1932), for few degrees of freedom more.
+//!
+//! With one or two degrees of freedom that scatter is hardly known, and Student's distribution lets nearly every curvature pass for chance.
+//! So a response over the light that fails its test may bend, see [`bend`].
 
 use nalgebra::{DMatrix, DVector};
 use rand_distr::{Distribution, StandardNormal};
@@ -189,14 +192,20 @@ struct Fitted {
 /// Abscissae that differ by less than this share of the largest are one.
 const SAME_PLACE: f64 = 1e-6;
 
+/// Number of different abscissae.
+pub fn places(x: &[f64]) -> usize {
+    let scale = x.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let mut places = x.to_vec();
+    places.sort_by(f64::total_cmp);
+    places.dedup_by(|a, b| (*a - *b).abs() <= SAME_PLACE * scale);
+    places.len()
+}
+
 /// Fits powers of `x`; `None` without enough points, or if they do not determine the coefficients.
 fn fit(points: &Points, powers: &[i32]) -> Option<Fitted> {
     let n = points.x.len();
     let scale = points.x.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-    let mut places = points.x.clone();
-    places.sort_by(f64::total_cmp);
-    places.dedup_by(|a, b| (*a - *b).abs() <= SAME_PLACE * scale);
-    if places.len() < powers.len() || scale <= 0.0 {
+    if places(&points.x) < powers.len() || scale <= 0.0 {
         return None;
     }
     // Whiten the points by the Cholesky factor of their covariance, each first scaled by its own error.
@@ -221,11 +230,46 @@ fn fit(points: &Points, powers: &[i32]) -> Option<Fitted> {
     })
 }
 
-/// The quadratic term of `y = a + b x + c x^2`, if it is significant at [`ALPHA`]: the coefficients `a`, `b`, `c`.
-pub fn significant_bend(points: &Points) -> Option<[f64; 3]> {
-    let bent = fit(points, &[0, 1, 2])?;
-    let (_, p) = curvature(&bent, points.x.len() - 3);
-    (p < ALPHA).then(|| [bent.coefficients[0], bent.coefficients[1], bent.coefficients[2]])
+/// A quadratic term that points show beyond a model.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bend {
+    /// Coefficients of `y = a + b x + c x^2`; `a` is zero for a model through the origin.
+    pub coefficients: [f64; 3],
+    /// Whether the quadratic term is significant at [`ALPHA`]. Otherwise the points depart from the model, and a bend may be why.
+    pub is_significant: bool,
+    /// Whether further points show that it is a bend: without them, two or three points that scatter look the same.
+    pub is_certain: bool,
+}
+
+/// Degrees of freedom around the bent line up to which the scatter of points is hardly known.
+const FEW_DEGREES: usize = 2;
+/// Level at which a curvature among points that scatter may be a bend, with more degrees of freedom.
+const POSSIBLE: f64 = 0.05;
+
+/// The quadratic term of points that depart from a model, if it is significant, or if the test of their curvature cannot exclude it. `None` if the
+/// model holds, has no bent form, or the points do not determine that form.
+pub fn bend(points: &Points, model: Model) -> Option<Bend> {
+    let powers = model.bent()?;
+    let bent = fit(points, powers)?;
+    let degrees = points.x.len() - powers.len();
+    let (_, p) = curvature(&bent, degrees);
+    let is_significant = p < ALPHA;
+    let departs = || {
+        let straight = fit(points, model.powers());
+        straight.is_some_and(|straight| chi2_beyond(straight.chi2, degrees + 1) < ALPHA)
+    };
+    let is_possible = (degrees <= FEW_DEGREES || p < POSSIBLE) && departs();
+    (is_significant || is_possible).then(|| {
+        let mut coefficients = [0.0; 3];
+        coefficients[3 - powers.len()..].copy_from_slice(bent.coefficients.as_slice());
+        Bend { coefficients, is_significant, is_certain: is_significant && degrees > 0 }
+    })
+}
+
+/// Slope at zero, and its standard error, of `y = b x + c x^2`; `None` if the points do not determine both terms.
+pub fn slope_at_zero(points: &Points) -> Option<[f64; 2]> {
+    let bent = fit(points, &[1, 2])?;
+    Some([bent.coefficients[0], bent.covariance[(0, 0)].sqrt()])
 }
 
 /// The last coefficient over its standard error, and the probability of as much by chance. Points that scatter by more than their errors
@@ -398,8 +442,37 @@ mod tests {
         let (found, departure) = test(&bent, Model::ThroughOrigin, &[1.77]);
         assert!(found.curvature_sigmas.unwrap() < -20.0, "{found:?}");
         assert!((departure.bend[0] - 0.23).abs() < 1e-9 && departure.scatter == 1.0, "{departure:?}");
-        assert!((significant_bend(&bent).unwrap()[2] + 0.05).abs() < 1e-9);
+        let found = bend(&bent, Model::Line).unwrap();
+        assert!((found.coefficients[2] + 0.05).abs() < 1e-9 && found.is_certain, "{found:?}");
+        assert_eq!(bend(&points, Model::Line), None);
         assert!((departure.error(0, 0.01) - 0.23).abs() < 1e-9);
+    }
+
+    #[test]
+    fn few_points_that_depart_may_bend() {
+        let of = |y: &[f64], se: f64| {
+            let x: Vec<f64> = (1..=y.len()).map(|x| x as f64).collect();
+            Points::independent(&x, y, &vec![se; y.len()])
+        };
+        // y = x - 0.004 x^3: a quadratic leaves a scatter of 0.0054 and one degree of freedom, at first within the errors.
+        let cubic = [0.996, 1.968, 2.892, 3.744];
+        let found = bend(&of(&cubic, 0.01), Model::Line).unwrap();
+        assert!(found.is_significant && found.is_certain, "{found:?}");
+        // Beyond the errors it is the scatter of the points, and Student's distribution excludes nothing.
+        let far = of(&cubic, 0.001);
+        let found = bend(&far, Model::Line).unwrap();
+        assert!(!found.is_significant && !found.is_certain, "{found:?}");
+        assert_eq!(test(&far, Model::Line, &[0.0, 1.0]).1.bend, [0.0; 2]);
+        // Two points determine a bend through the origin, which nothing confirms.
+        let two = of(&[0.98, 1.92], 0.001);
+        let found = bend(&two, Model::ThroughOrigin).unwrap();
+        assert!(found.is_significant && !found.is_certain, "{found:?}");
+        assert!((found.coefficients[1] - 1.0).abs() < 1e-9 && found.coefficients[0] == 0.0, "{found:?}");
+        assert_eq!(bend(&two, Model::Line), None);
+        assert_eq!(bend(&of(&[1.0, 2.0], 0.001), Model::ThroughOrigin), None);
+        let [slope, error] = slope_at_zero(&two).unwrap();
+        assert!((slope - 1.0).abs() < 1e-9, "{slope}");
+        assert!((error - 0.001 * 4.25_f64.sqrt()).abs() < 1e-9, "{error}");
     }
 
     #[test]

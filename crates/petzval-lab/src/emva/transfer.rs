@@ -8,6 +8,7 @@
 //!
 //! A response that bends, `mu(H)` over the light `H`, gives too little variance at large signals, by `(mu'(H) / mu'(0))^2 mu'(0) H / mu`.
 //! What K changes by that is a part of its error, and so is a [departure](super::goodness) of the variance itself from the line.
+//! Few points cannot tell a bend from light that drifts between them: that part is then at most what the variance leaves open.
 //!
 //! Source: EMVA 1288 release 4.0 Linear, photon transfer method.
 
@@ -17,9 +18,9 @@ use serde::Serialize;
 use super::compressed::Compression;
 use super::deviation_noise::{DeviationNoise, Extremes};
 use super::fit::{Line, line};
-use super::goodness::{FitTest, Model, Points, Verdict, significant_bend, test};
+use super::goodness::{Bend, FitTest, Model, Points, Verdict, bend, places, slope_at_zero, test};
 use super::measured::{Measured, Unresolved};
-use super::saturation::saturation;
+use super::saturation::{Saturation, saturation};
 use super::shared_noise::SharedNoise;
 use super::transfer_point::FIT_SHARE;
 pub use super::transfer_point::{Rules, TransferPoint, light};
@@ -145,9 +146,10 @@ pub fn photon_transfer(points: &[TransferPoint], rules: Rules) -> Option<PhotonT
         (Rules::Ours, false) => last_with_the_noise_of_light(points),
     };
     let used = &points[..range_end.map_or(0, |i| i + 1)];
-    let gain = tested_gain(used);
+    let response = points_of_response(points, used.len(), &found, end_dn);
+    let gain = tested_gain(used, response);
     let gain_dn_per_e = if rules == Rules::Ours { gain.measured.if_above_noise() } else { gain.measured };
-    let responsivity = tested_responsivity(used);
+    let responsivity = tested_responsivity(used, response);
     let linearity = linearity(points, &signal, end_dn);
     Some(PhotonTransfer {
         saturation: found.point,
@@ -167,6 +169,26 @@ pub fn photon_transfer(points: &[TransferPoint], rules: Rules) -> Option<PhotonT
     })
 }
 
+/// Share of saturation up to which the response is judged (EMVA 1288).
+const LINEAR_SHARE: f64 = 0.95;
+
+/// The points that show whether the response bends: those of the fits. One alone shows nothing, and the points up to the end of the linear range
+/// are added to it.
+fn points_of_response<'a>(
+    points: &'a [TransferPoint],
+    used: usize,
+    found: &Saturation,
+    end_dn: f64,
+) -> &'a [TransferPoint] {
+    if used != 1 {
+        return &points[..used];
+    }
+    let limit_dn = if found.reached { LINEAR_SHARE * end_dn } else { f64::INFINITY };
+    let is_linear = |p: &TransferPoint| !p.is_clipped() && p.signal_dn() <= limit_dn;
+    let last = points[..=found.point].iter().rposition(is_linear);
+    &points[..last.map_or(used, |last| used.max(last + 1))]
+}
+
 /// Standard errors by which the noise may be below that of the line. Leaving a point out costs little, so chance may do
 /// it once in a thousand points.
 const KNEE_SIGMAS: f64 = 3.0;
@@ -177,32 +199,45 @@ const KNEE_SIGMAS: f64 = 3.0;
 /// Pixels that begin to fill lose variance long before the mean bends: 2.3 standard deviations below the level 2 % of
 /// the variance is lost, while the mean is off by 0.4 % of a standard deviation. Yet the variance may still grow. If a
 /// point of the upper 30 % has less noise than the line through the points below predicts, by [`KNEE_SIGMAS`], only the
-/// points below are used.
+/// points below are used. A response that bends takes noise as well, and all points show it: what the bend explains is no knee.
 fn last_with_the_noise_of_light(points: &[TransferPoint]) -> Option<usize> {
     let last = points.iter().rposition(|p| !p.is_clipped())?;
     let lower_dn = FIT_SHARE * points[last].signal_dn();
     let Some(lower) = points[..last].iter().rposition(|p| p.signal_dn() <= lower_dn) else {
         return Some(last);
     };
-    let line = gain(&points[..=lower]);
-    let (Some(k), Some(k_se)) = (line.value(), line.standard_error()) else { return Some(last) };
-    let falls_short = |p: &TransferPoint| {
-        let x = p.signal_dn();
-        let se = p.shot_variance_se_dn2().hypot(k * p.signal_se_dn()).hypot(k_se * x);
-        k * x - p.shot_variance_dn2() > KNEE_SIGMAS * se
+    let lit = &points[..=last];
+    let straight: Vec<f64> = lit.iter().map(TransferPoint::signal_dn).collect();
+    let is_knee = falls_short(lit, lower, &straight) && {
+        let bent = bend_of_response(lit).and_then(|bend| bent_noise(&bend, lit));
+        bent.is_none_or(|bent| falls_short(lit, lower, &bent))
     };
-    let knee = points[lower + 1..=last].iter().any(falls_short);
-    Some(if knee { lower } else { last })
+    Some(if is_knee { lower } else { last })
+}
+
+/// Whether a point above `lower` has less noise than the points up to it predict. `noise_dn` is the variance that each point has at a gain of one.
+fn falls_short(points: &[TransferPoint], lower: usize, noise_dn: &[f64]) -> bool {
+    let line = slope(&points[..=lower], &noise_dn[..=lower]);
+    let (Some(k), Some(k_se)) = (line.value(), line.standard_error()) else { return false };
+    let is_short = |(p, noise_dn): (&TransferPoint, &f64)| {
+        let se = p.shot_variance_se_dn2().hypot(k * p.signal_se_dn()).hypot(k_se * noise_dn);
+        k * noise_dn - p.shot_variance_dn2() > KNEE_SIGMAS * se
+    };
+    points.iter().zip(noise_dn).skip(lower + 1).any(is_short)
 }
 
 /// K by noise alone: slope through the origin of the variance over the signal.
 fn gain(used: &[TransferPoint]) -> Measured {
-    let signal: Vec<f64> = used.iter().map(TransferPoint::signal_dn).collect();
+    slope(used, &used.iter().map(TransferPoint::signal_dn).collect::<Vec<f64>>())
+}
+
+/// Slope through the origin of the variance over the variance at a gain of one, DN.
+fn slope(used: &[TransferPoint], noise_dn: &[f64]) -> Measured {
     let variance: Vec<f64> = used.iter().map(TransferPoint::shot_variance_dn2).collect();
     if used.is_empty() {
         return Measured::none(Unresolved::AllSaturated);
     }
-    let weights = through_origin_weights(&signal);
+    let weights = through_origin_weights(noise_dn);
     let k = weights.iter().zip(&variance).map(|(w, y)| w * y).sum();
     Measured::new(k, transfer_points(used, k).error_of(&weights))
 }
@@ -268,38 +303,64 @@ struct Tested {
 }
 
 /// K with the errors of noise, of the departure of the variance from the line, and of the bend of the response.
-fn tested_gain(used: &[TransferPoint]) -> Tested {
+fn tested_gain(used: &[TransferPoint], response: &[TransferPoint]) -> Tested {
     let by_noise = gain(used);
     let k = by_noise.value().unwrap_or(0.0);
-    let (mut test, departure) = test(&transfer_points(used, k), Model::ThroughOrigin, &[k]);
+    let points = transfer_points(used, k);
+    let (mut test, departure) = test(&points, Model::ThroughOrigin, &[k]);
     let of_noise = by_noise.error_or_zero();
-    let share = bend_of_gain(used);
-    let of_bend = share.map_or(0.0, |share| k * (share - 1.0));
+    let bend = bend_of_response(response);
+    let share = bend.and_then(|bend| share_of_gain(&bend, used));
+    // Without further points, and where the bend is too large for its formula, the variance limits what it does.
+    let open = || open_by_variance(&points, k).min(k.abs());
+    let of_bend = bend.map_or(0.0, |bend| match share.map(|share| (k * (share - 1.0)).abs()) {
+        Some(of_bend) if bend.is_certain => of_bend,
+        Some(of_bend) => of_bend.min(open()),
+        None => open(),
+    });
     test.model_error = departure.error(0, of_noise).hypot(of_bend);
     if test.model_error > 0.0 {
         test.verdict = Verdict::Widened;
     }
-    let straightened = share.map(|share| by_noise.scale(1.0 / share));
+    let significant = bend.filter(|bend| bend.is_significant).and(share);
+    let straightened = significant.map(|share| by_noise.scale(1.0 / share));
     Tested { measured: by_noise.with_error(test.model_error), test, straightened }
 }
 
-/// The gain that a response which bends over the light gives, over that of small signals, if it bends.
-fn bend_of_gain(used: &[TransferPoint]) -> Option<f64> {
-    let light = light(used);
-    let [start, slope, bend] = significant_bend(&response_points(light.clone(), used))?;
-    let weights = through_origin_weights(&used.iter().map(TransferPoint::signal_dn).collect::<Vec<f64>>());
-    let of_point = |(light, weight): (&f64, f64)| {
+/// The bend of the response over the light; through the origin, if there are two lights.
+fn bend_of_response(points: &[TransferPoint]) -> Option<Bend> {
+    let light = light(points);
+    let model = if places(&light) < 3 { Model::ThroughOrigin } else { Model::Line };
+    bend(&response_points(light, points), model)
+}
+
+/// The variance of each point of a response that bends at a gain of one, `(mu'(H) / mu'(0))^2 mu'(0) H`, DN; `None` where the bend is too large
+/// for it.
+fn bent_noise(bend: &Bend, points: &[TransferPoint]) -> Option<Vec<f64>> {
+    let [start, slope, bend] = bend.coefficients;
+    let of_light = |light: f64| {
         let steepness = 1.0 + 2.0 * bend * light / slope;
-        weight * (start + slope * light) * steepness * steepness
+        (start + slope * light) * steepness * steepness
     };
-    let share: f64 = light.iter().zip(weights).map(of_point).sum();
+    let all: Vec<f64> = light(points).into_iter().map(of_light).collect();
+    all.iter().all(|noise| noise.is_finite() && *noise > 0.0).then_some(all)
+}
+
+/// The gain that a response which bends over the light gives, over that of small signals.
+fn share_of_gain(bend: &Bend, used: &[TransferPoint]) -> Option<f64> {
+    let weights = through_origin_weights(&used.iter().map(TransferPoint::signal_dn).collect::<Vec<f64>>());
+    let share: f64 = weights.iter().zip(bent_noise(bend, used)?).map(|(weight, noise)| weight * noise).sum();
     (share.is_finite() && share > 0.0).then_some(share)
 }
 
+/// How far the gain of small signals may be from `k` by the variance alone, DN/e-: infinite, if one point or less determines it.
+fn open_by_variance(points: &Points, k: f64) -> f64 {
+    slope_at_zero(points).map_or(f64::INFINITY, |[slope, error]| (slope - k).hypot(error))
+}
+
 /// R: slope through the origin of the signal over the photons. Rounding of the dark mean shifts all points together.
-fn tested_responsivity(used: &[TransferPoint]) -> Result<Tested, Unresolved> {
-    let photons: Vec<f64> =
-        used.iter().map(|p| p.photons).collect::<Option<_>>().ok_or(Unresolved::NoPhotons)?;
+fn tested_responsivity(used: &[TransferPoint], response: &[TransferPoint]) -> Result<Tested, Unresolved> {
+    let photons = photons_of(used).ok_or(Unresolved::NoPhotons)?;
     if photons.is_empty() {
         return Err(Unresolved::AllSaturated);
     }
@@ -309,8 +370,21 @@ fn tested_responsivity(used: &[TransferPoint]) -> Result<Tested, Unresolved> {
     let of_noise = points.error_of(&weights);
     let (mut test, departure) = test(&points, Model::ThroughOrigin, &[r]);
     test.model_error = departure.error(0, of_noise);
+    // A bend that the test of few points cannot show is an error of R as well.
+    if departure.bend[0] == 0.0
+        && let Some(photons) = photons_of(response)
+        && let Some(bend) = bend(&response_points(photons, response), Model::ThroughOrigin)
+    {
+        test.model_error = test.model_error.hypot(bend.coefficients[1] - r);
+        test.verdict = Verdict::Widened;
+    }
     let measured = Measured::new(r, of_noise).with_error(test.model_error).if_above_noise();
     Ok(Tested { measured, test, straightened: None })
+}
+
+/// Photons of each point, if all are known.
+fn photons_of(points: &[TransferPoint]) -> Option<Vec<f64>> {
+    points.iter().map(|p| p.photons).collect()
 }
 
 /// The line through the points of 5 to 95 % of `end_dn`, the signal at saturation.
@@ -435,6 +509,53 @@ mod tests {
         assert!(!ours.saturated && ours.used == 3, "{ours:?}");
         let series = points(&signals, &[100.0, 200.0, 300.0, 400.0, 485.0], 5.0);
         assert_eq!(photon_transfer(&series, Rules::Ours).unwrap().used, 5);
+    }
+
+    /// Points of a gain of 0.1 DN/e- whose response is `1000 t - bend t^power` DN, with a standard error of 5 DN^2 of the variance.
+    fn bent_points(exposures: usize, bend: f64, power: i32) -> Vec<TransferPoint> {
+        let times: Vec<f64> = (1..=exposures).map(|t| t as f64).collect();
+        let signals: Vec<f64> = times.iter().map(|t| 1000.0 * t - bend * t.powi(power)).collect();
+        let variance = |t: &f64| {
+            let steepness = 1.0 - 1e-3 * bend * f64::from(power) * t.powi(power - 1);
+            100.0 * t * steepness * steepness
+        };
+        points(&signals, &times.iter().map(variance).collect::<Vec<f64>>(), 5.0)
+    }
+
+    #[test]
+    fn a_response_that_bends_has_no_knee_and_widens_the_error_of_few_points() {
+        // Of four points the brightest has less noise than the line of the two below 70 % predicts, by 4.7 standard errors.
+        let four = photon_transfer(&bent_points(4, 20.0, 2), Rules::Ours).unwrap();
+        assert_eq!((four.used, four.gain_test.verdict), (4, Verdict::Widened), "{four:?}");
+        let straightened = four.straightened_gain_dn_per_e.and_then(|k| k.value()).unwrap();
+        assert!((straightened - 0.1).abs() < 1e-6, "{straightened}");
+        // A cubic bend is not shown by one degree of freedom, and two points have none.
+        for (bent, used) in [(bent_points(4, 4.0, 3), 4), (bent_points(2, 20.0, 2), 2)] {
+            let found = photon_transfer(&bent, Rules::Ours).unwrap();
+            assert_eq!((found.used, found.gain_test.verdict), (used, Verdict::Widened), "{found:?}");
+            let (k, se) =
+                (found.gain_dn_per_e.value().unwrap(), found.gain_dn_per_e.standard_error().unwrap());
+            assert!(((k - 0.1) / se).abs() < 2.0 && found.gain_test.model_error > 0.007, "{k} +- {se}");
+        }
+        // A straight response has errors of noise alone.
+        for exposures in 1..=4 {
+            let found = photon_transfer(&bent_points(exposures, 0.0, 2), Rules::Ours).unwrap();
+            assert_eq!((found.used, found.gain_test.model_error), (exposures, 0.0), "{found:?}");
+        }
+    }
+
+    #[test]
+    fn one_point_of_the_fits_has_the_bend_of_the_points_above_it() {
+        // Of three points up to saturation the first is below 70 % and the second below 95 %; the last is full.
+        let mut series = points(&[1900.0, 2760.0, 3150.0, 3300.0], &[170.0, 223.0, 241.0, 5.0], 2.0);
+        for (point, exposure_s) in series.iter_mut().zip([2.0, 3.0, 3.5, 6.0]) {
+            point.exposure_s = exposure_s;
+            point.photons = Some(1000.0 * exposure_s);
+        }
+        let found = photon_transfer(&series, Rules::Ours).unwrap();
+        assert!(found.saturated && found.used == 1, "{found:?}");
+        assert_eq!(found.gain_test.verdict, Verdict::Widened, "{found:?}");
+        assert_eq!(found.responsivity_test.unwrap().verdict, Verdict::Widened, "{found:?}");
     }
 
     #[test]
