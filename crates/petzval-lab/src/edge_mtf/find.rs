@@ -122,9 +122,12 @@ pub fn missed_edge(channel: &Channel) -> Option<Missed> {
                 let deg = edge.angle_deg.value.abs();
                 (!SEARCHED_DEG.contains(&deg)).then_some(Missed::Angle { region, deg })
             }
-            Err(error @ (SfrError::Clipped { .. } | SfrError::Angle { .. } | SfrError::Ghost { .. })) => {
-                Some(Missed::NoResponse { region, error: error.of_frame(channel.pitch) })
-            }
+            Err(
+                error @ (SfrError::Clipped { .. }
+                | SfrError::OffPath { .. }
+                | SfrError::Angle { .. }
+                | SfrError::Ghost { .. }),
+            ) => Some(Missed::NoResponse { region, error: error.of_frame(channel.pitch) }),
             Err(_) => None,
         }
     };

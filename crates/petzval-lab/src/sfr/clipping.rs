@@ -17,6 +17,9 @@ const LEAST_CUT: f64 = 0.1;
 const LARGEST_SHIFT: f64 = 0.005;
 const SHIFT_STEPS: f64 = 0.5;
 
+/// Pixels by which an edge leaves its path for many rows, from which pixels that differ from the profile do so for that reason.
+const LEAST_DRIFT_PX: f64 = 0.01;
+
 // Without noise an end is clipped if it stops short of its level, because a blur comes near its level on both sides.
 /// Where the profile is read, pixels inside the first pixel of the extreme value.
 const INSIDE_PX: f64 = 0.3;
@@ -43,10 +46,13 @@ struct End {
     last_px: f64,
 }
 
-/// Refuses an edge one of whose sides is clipped: its level, and the shape of the profile below it, are unknown.
+/// Refuses an edge one of whose sides is clipped: its level, and the shape of the profile below it, are unknown. Where neither side has noise, what
+/// differs from the profile may be no noise either: the edge is then refused because it leaves its path.
 pub fn check(profile: &Profile) -> Result<(), SfrError> {
-    for (side, sign) in [(Side::Dark, -1.0), (Side::Bright, 1.0)] {
-        let end = End::of(profile, sign);
+    let ends =
+        [(Side::Dark, -1.0), (Side::Bright, 1.0)].map(|(side, sign)| (side, sign, End::of(profile, sign)));
+    let has_no_noise = ends.iter().all(|(.., end)| end.share >= LEAST_SHARE);
+    for (side, sign, end) in ends {
         let noise = profile.noise_of_blur(sign);
         let is_noisy = noise > LEAST_NOISE && noise > NOISE_STEPS * end.gap;
         let least = LEAST_LACK.max(LACK_STEPS * end.least_gap);
@@ -59,6 +65,12 @@ pub fn check(profile: &Profile) -> Result<(), SfrError> {
         let is_moved = || end.share > LEAST_CUT && end.shift > LARGEST_SHIFT + SHIFT_STEPS * end.gap;
         let is_clipped =
             if end.share < LEAST_SHARE { is_noisy && is_moved() } else { is_noisy || is_abrupt() };
+        if is_clipped && has_no_noise && !is_abrupt() {
+            let drift_px = profile.drift_px();
+            if drift_px > LEAST_DRIFT_PX {
+                return Err(SfrError::OffPath { drift_px });
+            }
+        }
         if is_clipped {
             return Err(SfrError::Clipped { side, share: end.share });
         }

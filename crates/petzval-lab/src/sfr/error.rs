@@ -75,6 +75,14 @@ pub enum SfrError {
         /// Its step, of that of the edge; negative if the light falls there.
         share: f64,
     },
+    /// The edge is not where its path is, or a row or column beside it is off.
+    #[error(
+        "the edge leaves its path by {drift_px:.2} pixels: it is no smooth arc, or a row or column that it crosses is darker or brighter than the others"
+    )]
+    OffPath {
+        /// Largest mean distance over several rows, pixels.
+        drift_px: f64,
+    },
     /// A side ends at one value.
     #[error("the {} side is clipped: {:.0} % of its pixels have the same value, while the edge has noise or ends abruptly", .side.name(), 100.0 * .share)]
     Clipped {
@@ -102,6 +110,7 @@ impl SfrError {
     pub fn of_frame(self, pitch: usize) -> Self {
         match self {
             Self::Angle { deg, gap_px } => Self::Angle { deg, gap_px: pitch as f64 * gap_px },
+            Self::OffPath { drift_px } => Self::OffPath { drift_px: pitch as f64 * drift_px },
             Self::Ghost { distance_px, share } => {
                 Self::Ghost { distance_px: pitch as f64 * distance_px, share }
             }

@@ -394,6 +394,16 @@ impl<'a> Profile<'a> {
         self.cosine() * (squares / rows.len().max(1) as f64).sqrt()
     }
 
+    /// Largest mean distance of the edge from its path over the rows in which it meets the pixels at all phases, or a third of all rows, pixels. The
+    /// pixels of a straight edge may be off its profile at some phases, which such a mean does not show.
+    pub fn drift_px(&self) -> f64 {
+        let (rows, _) = self.rows();
+        let period = 1.0 / self.path.slope().abs().max(1e-9);
+        let count = (period.ceil() as usize).clamp(1, (rows.len() / 3).max(1));
+        let mean = |rows: &[(f64, f64)]| rows.iter().map(|(_, shift)| shift).sum::<f64>() / count as f64;
+        self.cosine() * rows.windows(count).map(|rows| mean(rows).abs()).fold(0.0, f64::max)
+    }
+
     /// For every row that the edge crosses: its distance from the middle row, and the shift of the edge there by least squares, pixels; and
     /// the sum of the squares of these distances.
     fn rows(&self) -> (Vec<(f64, f64)>, f64) {

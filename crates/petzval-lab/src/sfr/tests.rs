@@ -438,6 +438,21 @@ fn a_dark_side_without_noise_is_not_taken_for_a_clipped_one() {
     }
 }
 
+/// Rows of a straight edge, each shifted by the share of a pixel that a wave gives, are an edge that is no smooth arc. Neither side has noise.
+#[test]
+fn an_edge_that_leaves_its_path_is_not_taken_for_a_clipped_one() {
+    for amplitude in [0.5, 1.0] {
+        let row = |y: usize| {
+            let shift = amplitude * (2.0 * PI * y as f64 / SIDE as f64).sin();
+            let edge = Edge { offset: 0.3 + shift, ..Edge::at(5.0, SIGMA) };
+            edge.light()[y * SIDE..(y + 1) * SIDE].to_vec()
+        };
+        let values: Vec<f32> = (0..SIDE).flat_map(row).map(|v| (v * 4095.0).round() / 4095.0).collect();
+        let error = Edge::at(5.0, SIGMA).measured(&values).map(|found| found.sfr.mtf50()).unwrap_err();
+        assert!(matches!(error, SfrError::OffPath { drift_px } if drift_px < amplitude), "{error}");
+    }
+}
+
 /// Noise of half a step makes rounding a part of the scatter.
 #[test]
 fn rounding_of_an_edge_without_noise_is_noted() {
