@@ -102,6 +102,10 @@ fn a_straight_response_of_few_exposures_has_the_error_of_its_noise() {
         within(&format!("{what}: K"), found.joint.gain_dn_per_e, 0.38, 4.0);
         assert!(share_of_error(found.joint.gain_dn_per_e) < 0.01, "{what}: {:?}", found.joint.gain_dn_per_e);
         assert!(warned(&found, "").is_empty(), "{what}: {:?}", found.warnings);
+        // One exposure shows no bend, and a warning says so.
+        let is_of_one = |text: String| text.contains("is 1 flat point") && text.contains("noise alone");
+        let says_so = found.warnings.iter().any(|w| is_of_one(w.to_string()));
+        assert_eq!(says_so, bench.flat_e.len() == 1, "{what}: {:?}", found.warnings);
     }
 }
 

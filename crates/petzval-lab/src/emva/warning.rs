@@ -228,7 +228,7 @@ warnings! {
         linear_gain: f64,
         /// Number of flat points.
         points: usize,
-    } => "at gain {linear_gain} there are {points} flat points; 50 are usual, 3 the least for a straight line";
+    } => "at gain {linear_gain} there {}; 50 are usual, 3 the least for a straight line{}", flat_points(*points), one_exposure(*points);
 
     /// More light gives a smaller signal.
     NotMonotonic at point ("not-monotonic") {} => "{point}: darker than a point with less light";
@@ -625,6 +625,19 @@ fn error_of_steps(percent: Option<f64>) -> String {
     percent.map_or(String::new(), |percent| {
         format!(": their rounding is in the noise, and the error of K contains {percent:.1} % for it")
     })
+}
+
+fn flat_points(points: usize) -> String {
+    if points == 1 { "is 1 flat point".to_owned() } else { format!("are {points} flat points") }
+}
+
+/// What the errors of one flat point lack.
+fn one_exposure(points: usize) -> &'static str {
+    if points == 1 {
+        ". One exposure does not show whether the response bends: the errors of K, R and QE are those of noise alone"
+    } else {
+        ""
+    }
 }
 
 /// Step in the dark from which on its rounding is worth a word, DN.
