@@ -8,7 +8,7 @@
 //!
 //! A response that bends, `mu(H)` over the light `H`, gives too little variance at large signals, by `(mu'(H) / mu'(0))^2 mu'(0) H / mu`.
 //! What K changes by that is a part of its error, and so is a [departure](super::goodness) of the variance itself from the line.
-//! Few points cannot tell a bend from light that drifts between them: that part is then at most what the variance leaves open.
+//! In few points, light that drifts looks like a bend: that part is then at most what the variance leaves open.
 //!
 //! Source: EMVA 1288 release 4.0 Linear, photon transfer method.
 
