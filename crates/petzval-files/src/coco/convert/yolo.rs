@@ -32,15 +32,12 @@ use petzval_base::{Cancel, FileError};
 
 use super::builder::{Builder, Converted, Label};
 use super::tree::{ends_with, files_below, have_same_bytes, labels_text, pictures_among, split_of};
-use super::yolo_long::{LongLine, LongLines};
+use super::yolo_long::{LongLine, LongLines, ROUNDING};
 use super::yolo_names::names_of;
 use crate::coco::bounds::Bounds;
 use crate::coco::defect::DefectKind;
 use crate::coco::error::CocoError;
 use crate::coco::spelling::composed_path;
-
-/// Shares may exceed 0..1 by rounding; what is further out is in pixels.
-pub(super) const ROUNDING: f64 = 0.01;
 
 /// How far the corners of a rotated box, which are those of a parallelogram, may reach over the border of the picture, in shares of it: the box is
 /// clipped. What is further out is in pixels.

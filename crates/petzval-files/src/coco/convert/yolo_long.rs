@@ -11,8 +11,10 @@ use std::path::{Path, PathBuf};
 
 use petzval_base::FileError;
 
-use super::yolo::ROUNDING;
 use crate::coco::bounds::Bounds;
+
+/// Shares may exceed 0..1 by rounding; what is further out is in pixels.
+pub(super) const ROUNDING: f64 = 0.01;
 
 /// With so many lines of ten of another form, no line is taken for an outline.
 const DOUBTFUL_OF_TEN: usize = 9;
