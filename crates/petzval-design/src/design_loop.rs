@@ -200,6 +200,7 @@ fn step_on(
         further: &|number| setup.training_shots(camera, number),
         magnified: is_magnified.then_some(&magnified),
         is_whole,
+        cancel: Cancel::default(),
     };
     let stepped = beside_windows(setup, camera, next, || blocks.get_mut(block).step(&batch, rule));
     // A network of a user that failed on the tape has given no gradient, whatever block moves.

@@ -22,12 +22,14 @@ const PARTS: usize = 16;
 
 /// An optimiser of all weights of a network, on all threads: each weight tensor is in one of several parts, which take their step at once. The new
 /// values of a weight depend on its own gradients alone, so that they have the same bits on any number of threads, and in any parts.
+#[derive(Clone)]
 pub struct Optimizer {
     parts: Vec<ModuleOptimizer>,
     of_weights: PartOf,
 }
 
 /// The part of each weight, by its number.
+#[derive(Clone)]
 struct PartOf(HashMap<ParamId, usize>);
 
 impl PartOf {

@@ -2,7 +2,8 @@
 //!
 //! A window goes forward and back on one thread before the thread takes the next one. Only the tapes of windows in work are in memory, and
 //! nothing but the sum of losses and derivatives is serial. Where the loss is one of layers that have seen all windows, they go forward first,
-//! then the loss, then they go back. The sums are in the order of the windows: the same bits on any number of threads.
+//! then the loss, then they go back. The sums are in the order of the windows: the same bits on any number of threads. No window begins once the
+//! batch is cancelled.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
@@ -60,10 +61,12 @@ fn way(batch: &Batch, camera: &Camera, shots: &[Shot]) -> Result<WindowsOf> {
     Ok(way)
 }
 
-/// The losses of a batch and their derivatives; none of a loss that is no number.
+/// The losses of a batch and their derivatives; none of a loss that is no number. Fails with [`DesignError::Stopped`] before the next window
+/// once the batch is cancelled.
 pub(super) fn derivatives<B: By>(batch: &Batch, by: &B) -> Result<(Losses, Option<B::Derivatives>)> {
-    let Batch { shots, ref noise, loss: objective, .. } = *batch;
+    let Batch { shots, ref noise, loss: objective, ref cancel, .. } = *batch;
     let of = |shots: &[Shot], share: f64| -> Result<(Losses, Option<B::Derivatives>)> {
+        cancel.check()?;
         let leaves = by.leaves();
         let camera = by.camera(&leaves);
         let frames = by.take(&camera, &leaves, shots, noise)?;
@@ -135,11 +138,12 @@ fn joined<'t>(looks: impl Iterator<Item = &'t Vec<Tensor<4>>> + Clone) -> Vec<Te
 
 /// [`derivatives`] with [`WindowsOf::Looks`].
 fn by_looks<B: By>(batch: &Batch, by: &B, together: usize) -> Result<(Losses, Option<B::Derivatives>)> {
-    let Batch { shots, ref noise, loss: objective, .. } = *batch;
+    let Batch { shots, ref noise, loss: objective, ref cancel, .. } = *batch;
     let groups: Vec<&[Shot]> = shots.chunks(together).collect();
 
     // Forward, as far as the layers that see a window alone.
     let forward = |i: usize| -> Result<_> {
+        cancel.check()?;
         let leaves = by.leaves();
         let camera = by.camera(&leaves);
         let frames = by.take(&camera, &leaves, groups[i], noise)?;
@@ -166,6 +170,7 @@ fn by_looks<B: By>(batch: &Batch, by: &B, together: usize) -> Result<(Losses, Op
     // Back through the layers, whose tapes go one by one.
     let seen: Vec<_> = seen.into_iter().map(|(leaves, look, _)| Mutex::new(Some((leaves, look)))).collect();
     let back = |i: usize| -> Result<_> {
+        cancel.check()?;
         let taken = seen[i].lock().unwrap_or_else(PoisonError::into_inner).take();
         let Some((leaves, look)) = taken else { unreachable!("each tape is taken once") };
         let first = i * together;
@@ -185,10 +190,12 @@ fn by_looks<B: By>(batch: &Batch, by: &B, together: usize) -> Result<(Losses, Op
     Ok((losses, Some(sum)))
 }
 
-/// The losses of what a camera takes of windows, for the goal and with the noise of a batch; without derivatives.
+/// The losses of what a camera takes of windows, for the goal and with the noise of a batch; without derivatives. Fails with
+/// [`DesignError::Stopped`] before the next window once the batch is cancelled.
 pub fn losses_of(batch: &Batch, camera: &Camera, shots: &[Shot]) -> Result<BTreeMap<String, f64>> {
-    let Batch { ref noise, loss: objective, .. } = *batch;
+    let Batch { ref noise, loss: objective, ref cancel, .. } = *batch;
     let of = |shots: &[Shot]| -> Result<Losses> {
+        cancel.check()?;
         let frames = camera.take(shots, noise)?;
         Ok(named(&objective.loss(camera, &frames, shots)?))
     };
@@ -199,6 +206,7 @@ pub fn losses_of(batch: &Batch, camera: &Camera, shots: &[Shot]) -> Result<BTree
         }
         WindowsOf::Looks => {
             let look = |i: usize| {
+                cancel.check()?;
                 let frames = camera.take(std::slice::from_ref(&shots[i]), noise)?;
                 let [_, _, height, width] = frames.finished.dims();
                 Ok::<_, DesignError>((objective.look(camera, &frames)?, [height, width]))

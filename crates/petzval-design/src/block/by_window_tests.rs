@@ -2,10 +2,12 @@
 
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::optim::GradientsParams;
 use burn::prelude::*;
+use petzval_base::Cancel;
 use petzval_camera::sensor::{Noise, NoiseMode};
 use petzval_camera::tape::Frames;
 use petzval_learn::detection::DetectorKind;
@@ -16,8 +18,8 @@ use super::by_window::{By, Losses, derivatives, losses_of};
 use super::network::ByWeights;
 use super::{Batch, CameraNetwork, OpticsBlock, Sight};
 use crate::camera::{Camera, Shot};
-use crate::error::Result;
-use crate::experiment::{Experiment, PsfsBy};
+use crate::error::{DesignError, Result};
+use crate::experiment::{BlockName, Experiment, PsfsBy, StepMethod, StepRule};
 use crate::library::Library;
 use crate::objective::{Objective, WindowsOf};
 use crate::setup::Setup;
@@ -279,4 +281,68 @@ fn a_loss_that_is_no_number_has_no_derivatives() {
     let tracked = setup.network().unwrap().attached_to(&camera);
     let (losses, gradient) = block.gradient(&Batch::new(&tracked, &shots, NOISE, &goal)).unwrap();
     assert!(losses["total"].is_nan() && gradient.iter().any(|g| g.is_nan()));
+}
+
+/// An objective that cancels its batch while it looks at the second window.
+struct Cancelling {
+    of: Box<dyn Objective>,
+    cancel: Cancel,
+    looks: AtomicUsize,
+}
+
+impl Objective for Cancelling {
+    fn loss(&self, camera: &Camera, frames: &Frames, shots: &[Shot]) -> Result<NamedLoss> {
+        if self.looks.fetch_add(1, Ordering::SeqCst) == 1 {
+            self.cancel.set();
+        }
+        self.of.loss(camera, frames, shots)
+    }
+
+    fn windows(&self) -> WindowsOf {
+        WindowsOf::Apart
+    }
+}
+
+/// The numbers of a block after two steps; before them one may be cancelled.
+fn after_two_steps(
+    setup: &Setup,
+    name: BlockName,
+    method: StepMethod,
+    is_cancelled: bool,
+) -> super::BlockState {
+    let variant = &setup.variants[0];
+    let mut blocks = setup.blocks(variant).unwrap();
+    let camera = setup.moving_camera(variant, setup.nominal().lens_file.lens.clone()).unwrap();
+    let camera = blocks.held(&camera);
+    let shots = setup.training_shots(&camera, 0).unwrap();
+    let rule = StepRule { method, rate: 0.01, proximal: 0.0 };
+    let block = blocks.get_mut(name);
+    block.begin_stage(true);
+    if is_cancelled {
+        let (of, cancel, looks) = (setup.objective().unwrap(), Cancel::default(), AtomicUsize::new(0));
+        let goal = Cancelling { of, cancel: cancel.clone(), looks };
+        let stepped = block.step(&Batch { cancel, ..Batch::new(&camera, &shots, NOISE, &goal) }, rule);
+        assert!(matches!(stepped, Err(DesignError::Stopped(_))), "{stepped:?}");
+        assert_eq!(goal.looks.into_inner(), 2, "a window was begun after the step was cancelled");
+    }
+    let goal = setup.objective().unwrap();
+    for _ in 0..2 {
+        block.step(&Batch::new(&camera, &shots, NOISE, goal.as_ref()), rule).unwrap();
+    }
+    block.save_numbers().unwrap()
+}
+
+#[test]
+fn a_cancelled_step_is_taken_again_with_the_same_bits() {
+    let setup = pictures(PsfsBy::Geometric);
+    // There a window begins after the one before.
+    let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    for (name, method) in [
+        (BlockName::Network, StepMethod::Gradient),
+        (BlockName::Optics, StepMethod::Gradient),
+        (BlockName::Optics, StepMethod::Evolution),
+    ] {
+        let after = |is_cancelled| one_thread.install(|| after_two_steps(&setup, name, method, is_cancelled));
+        assert!(after(true) == after(false), "{name:?} {method:?}");
+    }
 }

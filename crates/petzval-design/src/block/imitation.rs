@@ -4,7 +4,6 @@
 use std::sync::Arc;
 
 use burn::prelude::*;
-use petzval_base::Cancel;
 use petzval_camera::isp::Isp;
 use petzval_learn::score::Score;
 use serde::{Deserialize, Serialize};
@@ -55,7 +54,8 @@ pub struct ImitationPlan {
     pub seed: u64,
 }
 
-/// The network at work.
+/// The network at work. A copy shares the memory of its weights until one of the two learns.
+#[derive(Clone)]
 pub struct Imitation {
     plan: ImitationPlan,
     trainer: ProxyTrainer,
@@ -93,11 +93,13 @@ impl Imitation {
         ChipValues::Imitated { values: Box::new(values), proxy: Box::new(self.trainer.proxy().clone()) }
     }
 
-    /// Trains it before a step of the ISP, on fresh windows by the batch's camera, about the values as they stand.
+    /// Trains it before a step of the ISP, on fresh windows by the batch's camera, about the values as they stand. If that fails, or is cancelled,
+    /// it may have learnt from some of the windows.
     pub fn train(&mut self, batch: &Batch, values: &[f64]) -> Result<ImitationFigures> {
         self.trainer.recentre(values);
         let mut figures = ImitationFigures::new();
         for _ in 0..self.plan.per_step {
+            batch.cancel.check()?;
             let frames = self.frames(batch, FIRST_WINDOW + self.age.steps as u64)?;
             let losses = self.trainer.step(self.plan.isp.as_ref(), self.age.steps, &frames)?;
             figures = vec![("imitation_error".to_owned(), losses.picture)];
@@ -106,10 +108,10 @@ impl Imitation {
         if self.age.isp_steps.is_multiple_of(JUDGED_EVERY) {
             let mut frames = Vec::new();
             for number in 0..JUDGED_BATCHES {
+                batch.cancel.check()?;
                 frames.extend(self.frames(batch, FIRST_JUDGED + number)?);
             }
-            // A run stops between steps, and never within one that has moved the network.
-            let (isp, scores, cancel) = (self.plan.isp.as_ref(), &self.plan.scores, &Cancel::default());
+            let (isp, scores, cancel) = (self.plan.isp.as_ref(), &self.plan.scores, &batch.cancel);
             let judge = Judge { isp, frames: &frames, scores, cancel };
             let gap = judge.gap(self.trainer.proxy(), values, &batch.camera.body().device)?;
             figures.push(("imitation_psnr_db".to_owned(), gap.psnr_at_centre_db));

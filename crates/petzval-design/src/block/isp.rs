@@ -91,14 +91,18 @@ impl IspBlock {
         let mut search = std::mem::take(&mut self.progress.search);
         let first =
             FirstGeneration { middle: &self.places, deviation: FIRST_DEVIATION, seed: batch.noise.seed };
-        let (places, losses) = search.step(first, |point| {
+        let stepped = search.step(first, |point| {
+            batch.cancel.check()?;
             let camera = batch.camera.with_chip(ChipValues::Exact(self.values_at(point)));
             let frames = camera.take(batch.shots, &batch.noise)?;
             let losses = named(&batch.loss.loss(&camera, &frames, batch.shots)?);
             let value = losses["total"] + self.progress.way.proximal_term(point, rule);
             Ok(Some(PointScore { value, losses }))
-        })?;
-        (self.places, self.progress.search) = (places, search);
+        });
+        // A generation that fails leaves the search where it was.
+        self.progress.search = search;
+        let (places, losses) = stepped?;
+        self.places = places;
         Ok(losses)
     }
 
@@ -149,6 +153,31 @@ impl IspBlock {
         Ok((figures, is_ready))
     }
 
+    /// The step by the rule's method. If it fails, the network that imitates the ISP may have learnt from it.
+    fn step_by(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>> {
+        let figures = match rule.method {
+            StepMethod::Evolution => {
+                self.imitation = None;
+                return self.evolve(batch, rule);
+            }
+            StepMethod::Gradient | StepMethod::Levenberg | StepMethod::Random => {
+                self.imitation = None;
+                ImitationFigures::new()
+            }
+            StepMethod::Proxy => {
+                let (figures, is_ready) = self.imitate(batch)?;
+                if !is_ready {
+                    return Ok(figures.into_iter().collect());
+                }
+                figures
+            }
+        };
+        let (mut losses, gradient) = self.gradient(batch)?;
+        losses.extend(figures);
+        self.progress.way.step_within_ranges(&mut self.places, &gradient, rule);
+        Ok(losses)
+    }
+
     fn new_imitation(&self) -> Result<Imitation> {
         let plan = self.plan.clone().ok_or(DesignError::NoGradient("an ISP that nothing imitates"))?;
         Imitation::new(plan, &self.varied, self.values.clone())
@@ -170,6 +199,7 @@ impl IspBlock {
 
     /// Losses at the present values, and the derivatives of the batch's loss by the places.
     pub fn gradient(&self, batch: &Batch) -> Result<(BTreeMap<String, f64>, Vec<f64>)> {
+        batch.cancel.check()?;
         let values = self.tensor(&batch.camera.body().device).require_grad();
         let camera = batch.camera.with_chip(self.on_tape(values.clone()));
         let frames = camera.take(batch.shots, &batch.noise)?;
@@ -200,27 +230,13 @@ impl Block for IspBlock {
     }
 
     fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>> {
-        let figures = match rule.method {
-            StepMethod::Evolution => {
-                self.imitation = None;
-                return self.evolve(batch, rule);
-            }
-            StepMethod::Gradient | StepMethod::Levenberg | StepMethod::Random => {
-                self.imitation = None;
-                ImitationFigures::new()
-            }
-            StepMethod::Proxy => {
-                let (figures, is_ready) = self.imitate(batch)?;
-                if !is_ready {
-                    return Ok(figures.into_iter().collect());
-                }
-                figures
-            }
-        };
-        let (mut losses, gradient) = self.gradient(batch)?;
-        losses.extend(figures);
-        self.progress.way.step_within_ranges(&mut self.places, &gradient, rule);
-        Ok(losses)
+        let before = self.imitation.clone();
+        let stepped = self.step_by(batch, rule);
+        // A step that fails has not taught the network either.
+        if stepped.is_err() {
+            self.imitation = before;
+        }
+        stepped
     }
 
     fn is_finite(&self) -> bool {

@@ -22,6 +22,7 @@ mod optics;
 use std::collections::BTreeMap;
 
 use burn::tensor::Gradients;
+use petzval_base::Cancel;
 use petzval_camera::sensor::Noise;
 use petzval_learn::loss::NamedLoss;
 use serde::de::DeserializeOwned;
@@ -68,12 +69,15 @@ pub struct Batch<'a> {
     pub magnified: Option<&'a Magnified<'a>>,
     /// Whether all windows are taken together, also where the CPU would take them one by one.
     pub is_whole: bool,
+    /// Gives the step up between its windows; a block is then as it was before the step.
+    pub cancel: Cancel,
 }
 
 impl<'a> Batch<'a> {
-    /// A batch without further windows, behind a lens that keeps its magnification.
+    /// A batch without further windows, behind a lens that keeps its magnification; nothing cancels its step.
     pub fn new(camera: &'a Camera, shots: &'a [Shot], noise: Noise, loss: &'a dyn Objective) -> Self {
-        Self { camera, shots, noise, loss, further: &|_| Ok(Vec::new()), magnified: None, is_whole: false }
+        let (magnified, is_whole, cancel) = (None, false, Cancel::default());
+        Self { camera, shots, noise, loss, further: &|_| Ok(Vec::new()), magnified, is_whole, cancel }
     }
 
     /// The number of the batch, which no other has: that of its first frame.
@@ -94,7 +98,8 @@ pub trait Block {
     /// as centre of the proximal term.
     fn begin_stage(&mut self, is_moving: bool);
 
-    /// Takes one step down the gradient of the batch's loss. Returns the losses before the step, by name.
+    /// Takes one step down the gradient of the batch's loss. Returns the losses before the step, by name. A step that the batch's flag cancels
+    /// fails, and a checkpoint of the block is then one of the state before the step.
     fn step(&mut self, batch: &Batch, rule: StepRule) -> Result<BTreeMap<String, f64>>;
 
     /// By how much each free number lowered the batch's loss in the last step, to first order: `-dL/dx dx`. Empty for blocks that do not keep it.

@@ -79,6 +79,11 @@ impl NetworkBlock {
         Ok(self)
     }
 
+    /// Whether it is a network of a user, which may remember what it saw.
+    pub fn is_of_guest(&self) -> bool {
+        self.learner.as_any().is::<GuestInTraining>()
+    }
+
     /// The network with its weights held, if it is of this type.
     pub fn network<C: CameraNetwork>(&self) -> Option<C::Module> {
         let in_training = self.learner.as_any().downcast_ref::<InTraining<C>>()?;

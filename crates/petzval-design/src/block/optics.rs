@@ -301,7 +301,8 @@ impl OpticsBlock {
         let mut search = std::mem::take(&mut self.progress.search);
         let middle: Vec<f64> = self.x.iter().map(|x| place_of(*x)).collect();
         let first = FirstGeneration { middle: &middle, deviation: FIRST_DEVIATION, seed: batch.noise.seed };
-        let (places, losses) = search.step(first, |point| {
+        let stepped = search.step(first, |point| {
+            batch.cancel.check()?;
             let x: Vec<f64> = point.iter().map(|place| coordinate_at(*place)).collect();
             let Ok(lens) = self.start.space.lens_off(&x, &self.errors) else { return Ok(None) };
             // Where the lens brings no light to some part of the sensor there is no camera.
@@ -325,9 +326,11 @@ impl OpticsBlock {
             let value = losses[TOTAL] + self.constraint_weight * penalty_mm2 + proximal;
             losses.insert(PENALTY.to_owned(), penalty_mm2);
             Ok(Some(PointScore { value, losses }))
-        })?;
-        self.x = places.iter().map(|place| coordinate_at(*place)).collect();
+        });
+        // A generation that fails leaves the search where it was.
         self.progress.search = search;
+        let (places, losses) = stepped?;
+        self.x = places.iter().map(|place| coordinate_at(*place)).collect();
         Ok(losses)
     }
 

@@ -430,16 +430,7 @@ fn a_lens_that_may_magnify_knows_what_that_does_to_the_loss() {
     let loss = |camera: &Camera, frames: &Frames, shots: &[Shot]| -> Result<NamedLoss, DesignError> {
         objective.loss(camera, frames, shots)
     };
-    let further = |_: u64| Ok(Vec::new());
-    let batch = |magnified| Batch {
-        camera: &camera,
-        shots: &shots,
-        noise,
-        loss: &loss,
-        further: &further,
-        is_whole: false,
-        magnified,
-    };
+    let batch = |magnified| Batch { magnified, ..Batch::new(&camera, &shots, noise, &loss) };
     let block = OpticsBlock::new(start.clone(), 0.0).with_field(FieldOfView::Free);
     let [with, without] = [Some(&magnified as _), None].map(|m| block.gradient(&batch(m)).unwrap().1);
     let value = |by: f64| {

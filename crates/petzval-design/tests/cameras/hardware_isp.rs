@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::common::library;
+use petzval_base::Cancel;
 use petzval_camera::isp::{HardwareIsp, Isp, IspError, IspParameter, RawInput, RgbPicture};
 use petzval_camera::render::{Placement, Window};
 use petzval_camera::sensor::{Noise, NoiseMode};
@@ -171,6 +172,37 @@ fn the_chip_is_improved_without_its_gradient_and_a_search_continues_with_the_sam
         block.step(&batch(), rule(StepMethod::Evolution)).unwrap();
     }
     assert_eq!(restored.values(), isp.values());
+}
+
+/// A step that is cancelled after the network that imitates the chip has learnt from its first windows.
+#[test]
+fn a_cancelled_step_leaves_the_network_that_imitates_the_chip_as_it_was() {
+    let setup =
+        setup("vary = [\"gamma.exponent\"]\nproxy_warm_up = 5\nproxy_steps = 2\nsteps = 1\n").unwrap();
+    let camera = setup.camera(setup.nominal().lens_file.lens.clone(), true).unwrap();
+    let shots = setup.training_shots(&camera, 0).unwrap();
+    let further = |number: u64| setup.training_shots(&camera, number);
+    let batch = || Batch { further: &further, ..Batch::new(&camera, &shots, QUIET, &loss_of) };
+    let mut isp = setup.isp().unwrap();
+    isp.begin_stage(true);
+    isp.step(&batch(), rule(StepMethod::Proxy)).unwrap();
+    // The moments of its optimiser may be written in any order.
+    let kept = |isp: &IspBlock| {
+        let mut state = isp.save_numbers().unwrap();
+        assert!(state.remove("imitation-optimizer.bin").is_some());
+        state
+    };
+    let before = kept(&isp);
+
+    let cancel = Cancel::default();
+    let cancelling = |number: u64| {
+        cancel.set();
+        further(number)
+    };
+    let cancelled = Batch { further: &cancelling, cancel: cancel.clone(), ..batch() };
+    let stepped = isp.step(&cancelled, rule(StepMethod::Proxy));
+    assert!(matches!(stepped, Err(DesignError::Stopped(_))), "{stepped:?}");
+    assert!(kept(&isp) == before);
 }
 
 #[test]

@@ -54,6 +54,7 @@ pub struct StepLosses {
 }
 
 /// A proxy in training.
+#[derive(Clone)]
 pub struct ProxyTrainer {
     training: ProxyTraining,
     /// Where the parameters lie about which the proxy is wanted, in their ranges.
