@@ -12,7 +12,6 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use petzval_base::{Cancel, reason_and_hint};
-use petzval_camera::isp::IspError;
 use petzval_files::{LensFile, write_lens};
 use petzval_learn::guest::GuestError;
 use petzval_optics::design_space::{EflSolve, MagnificationSolve};
@@ -20,7 +19,7 @@ use petzval_optics::lens::{Lens, validate};
 use petzval_optics::number::Number;
 use petzval_optics::paraxial::image_height_per_tangent;
 
-use crate::block::{Batch, Block, Blocks, ExposureBlock, IspBlock, NetworkBlock, Sight};
+use crate::block::{Batch, Block, BlockState, Blocks, ExposureBlock, IspBlock, NetworkBlock, Sight};
 use crate::camera::{Camera, ChipValues, Shot};
 use crate::error::{DesignError, Result};
 use crate::experiment::{
@@ -122,11 +121,13 @@ pub struct DesignLoop {
     log: EventLog,
     /// When the last checkpoint was written.
     kept_at: Instant,
+    /// The next step after so long writes one.
+    keep_every: Duration,
     /// Whether a step reads its windows and has changed nothing yet.
     waits_for_windows: bool,
 }
 
-/// A checkpoint is written after so long at the latest, however long steps take.
+/// A step that ends so long after the last checkpoint writes one, however few steps lie between them.
 const KEPT_EVERY: Duration = Duration::from_secs(60);
 
 /// A loss of so many times the first one of its block in the stage, and of so many times white, is no way to a camera.
@@ -167,7 +168,13 @@ pub struct StepOf<'a> {
     pub is_whole: bool,
 }
 
-/// Takes the step of a block with a camera whose blocks are held. Returns the losses before the step.
+/// What gives a step up between its windows: the flag of the run. A network of a user may remember the windows that it saw: it finishes its step.
+fn may_give_up(setup: &Setup, network: &NetworkBlock) -> Cancel {
+    if network.is_of_guest() { Cancel::default() } else { setup.cancel.clone() }
+}
+
+/// Takes the step of a block with a camera whose blocks are held. Returns the losses before the step. Fails with [`DesignError::Stopped`] between
+/// two windows once [`Setup::cancel`] is set.
 pub fn step_of(step: &StepOf, camera: &Camera, blocks: &mut Blocks) -> Result<BTreeMap<String, f64>> {
     let shots = step.setup.training_shots(camera, step.number)?;
     step_on(step, camera, blocks, &shots)
@@ -200,7 +207,7 @@ fn step_on(
         further: &|number| setup.training_shots(camera, number),
         magnified: is_magnified.then_some(&magnified),
         is_whole,
-        cancel: Cancel::default(),
+        cancel: may_give_up(setup, &blocks.network),
     };
     let stepped = beside_windows(setup, camera, next, || blocks.get_mut(block).step(&batch, rule));
     // A network of a user that failed on the tape has given no gradient, whatever block moves.
@@ -322,12 +329,18 @@ impl DesignLoop {
             setup,
             run,
             kept_at: Instant::now(),
+            keep_every: KEPT_EVERY,
             waits_for_windows: false,
         })
     }
 
-    /// Runs to the end, or until [`Setup::cancel`] is set; then the step in work is finished and a checkpoint written. A step that improves or
-    /// scores a whole lens ends at once, and is lost.
+    /// The same run with a checkpoint after every step that ends so long after the last one; 60 s otherwise.
+    pub fn keeping_every(self, keep_every: Duration) -> Self {
+        Self { keep_every, ..self }
+    }
+
+    /// Runs to the end, or until [`Setup::cancel`] is set. The step in work is then given up, between two windows, and a checkpoint of the state
+    /// before it is written: the resumed run takes the step again, to the same bits. So is the improvement or the score of a whole lens.
     pub fn run(mut self, observer: &mut dyn Observer) -> Result<Ending> {
         let setup = self.setup.clone();
         let stop = &setup.cancel;
@@ -356,26 +369,18 @@ impl DesignLoop {
                 }
                 (_, Some((Stage::Task(moves), block))) => self.step(variant, moves, block),
                 (Some(stage), None) => {
+                    self.keep_last_of_stage(observer)?;
                     self.end_stage(variant, stage)?;
                     continue;
                 }
                 (None, None) => self.finish_variant(variant, observer),
             };
-            match &step {
-                // All blocks are as they were before the step, whose events go.
-                Err(DesignError::Stopped(_)) if stop.is_set() => {
-                    self.log = EventLog::resume(&self.run.events(), self.position.step)?;
-                    self.checkpoint(observer)?;
-                    return Ok(Ending::Stopped(self.position.step));
-                }
-                // An external ISP or a user's network was stopped in the middle of the step, which is lost: the run goes on from its last
-                // checkpoint.
-                Err(DesignError::Isp(IspError::Stopped(_)) | DesignError::Guest(GuestError::Stopped(_)))
-                    if stop.is_set() =>
-                {
-                    return Ok(Ending::Stopped(latest_checkpoint(&self.run)?.map_or(0, |(step, _)| step)));
-                }
-                _ => {}
+            if let Err(error) = &step
+                && stop.is_set()
+                && error.is_stopped()
+            {
+                let is_for_task = matches!(turn, Some((Stage::Task(_), _)));
+                return self.given_up(error, is_for_task, observer);
             }
             let Step { block, losses, lowered, learning_rate } = match step {
                 Ok(step) => step,
@@ -403,7 +408,7 @@ impl DesignLoop {
             let every = self.setup.experiment.checkpoint.every as u64;
             if turn.is_none() || self.position.step.is_multiple_of(every) {
                 self.checkpoint(observer)?;
-            } else if self.kept_at.elapsed() >= KEPT_EVERY {
+            } else if self.kept_at.elapsed() >= self.keep_every {
                 self.keep(observer)?;
             }
         }
@@ -423,6 +428,33 @@ impl DesignLoop {
         Ok(Ending::Finished(Box::new(metrics)))
     }
 
+    /// Ends a run whose step was given up, after a checkpoint of the state before the step; its events go.
+    fn given_up(
+        mut self,
+        error: &DesignError,
+        is_for_task: bool,
+        observer: &mut dyn Observer,
+    ) -> Result<Ending> {
+        // A network of a user may have learnt from a part of the step, or have ended: the run goes on from its last checkpoint.
+        let has_learnt = is_for_task && !self.waits_for_windows && self.blocks.network.is_of_guest();
+        if has_learnt || matches!(error, DesignError::Guest(GuestError::Stopped(_))) {
+            return Ok(Ending::Stopped(self.last_kept()?));
+        }
+        self.log = EventLog::resume(&self.run.events(), self.position.step)?;
+        self.checkpoint(observer)?;
+        Ok(Ending::Stopped(self.position.step))
+    }
+
+    /// The step of the latest checkpoint; 0 before the first.
+    fn last_kept(&self) -> Result<u64> {
+        Ok(latest_checkpoint(&self.run)?.map_or(0, |(step, _)| step))
+    }
+
+    /// Keeps the last step of a stage. A score or the improvement of a whole lens may follow: these take long, and keep nothing on their way.
+    fn keep_last_of_stage(&mut self, observer: &mut dyn Observer) -> Result<()> {
+        if self.last_kept()? < self.position.step { self.keep(observer) } else { Ok(()) }
+    }
+
     /// One step of a block for the task.
     fn step(
         &mut self,
@@ -438,6 +470,11 @@ impl DesignLoop {
             }
             _ => self.camera(variant, moves)?,
         };
+        // The block that counts the steps of the stage is the last.
+        let is_clock = moves.keys().next_back() == Some(&block);
+        let is_due = is_clock && self.setup.experiment.validation.is_due(taken + 1, moves[&block].steps);
+        let can_go_back = is_due && !self.blocks.network.is_of_guest();
+        let earlier = can_go_back.then(|| self.as_it_stands(block)).transpose()?;
         let at = StepOf {
             setup: &self.setup,
             variant,
@@ -455,15 +492,36 @@ impl DesignLoop {
         let lowered = self.blocks.get_mut(block).lowered().to_vec();
         let step = Step { block: block.name(), losses, lowered, learning_rate: rule.rate };
         let mut step = self.after_step(variant, block, step)?;
-        // The block that counts the steps of the stage is the last.
-        let is_clock = moves.keys().next_back() == Some(&block);
-        let validation = &self.setup.experiment.validation;
         // While a network learns to imitate the ISP nothing improves, which would be taken for the end of a stage.
         let rests = self.blocks.isp.is_warming_up();
-        if is_clock && !rests && validation.is_due(taken + 1, moves[&block].steps) {
-            step.losses.insert(VALIDATION.to_owned(), self.validate(variant, moves)?);
+        if is_due && !rests {
+            let validated = self.validate(variant, moves);
+            if let Some(earlier) = earlier
+                && validated.as_ref().is_err_and(DesignError::is_stopped)
+            {
+                self.take_back(block, earlier)?;
+            }
+            step.losses.insert(VALIDATION.to_owned(), validated?);
         }
         Ok(step)
+    }
+
+    /// What a step of a block changes.
+    fn as_it_stands(&mut self, block: BlockName) -> Result<(Position, BlockState)> {
+        let block = self.blocks.get_mut(block);
+        let mut state = block.save_numbers()?;
+        state.extend(block.save_progress()?);
+        Ok((self.position.clone(), state))
+    }
+
+    /// Takes a step of a block back: its validation was cancelled.
+    fn take_back(&mut self, block: BlockName, (position, state): (Position, BlockState)) -> Result<()> {
+        let moved = self.blocks.get_mut(block);
+        let problem = |problem| DesignError::Unwritable { what: "the state before a step", problem };
+        moved.load_numbers(&state).and_then(|()| moved.load_progress(&state)).map_err(problem)?;
+        self.position = position;
+        self.camera = None;
+        Ok(())
     }
 
     /// The number of the batch on which a block takes its step after `taken` of this stage.
@@ -496,7 +554,8 @@ impl DesignLoop {
         let camera = finished(&at_rest, exposure, isp, network);
         let noise = self.setup.noise(variant);
         let shots = self.setup.validation_shots(&camera)?;
-        let loss = validation_loss(&camera, &shots, &noise, self.objective.as_ref())?;
+        let cancel = may_give_up(&self.setup, &self.blocks.network);
+        let loss = validation_loss(&camera, &shots, &noise, self.objective.as_ref(), &cancel)?;
         if !loss.is_finite() {
             let (camera, step) = (variant.name.clone(), self.position.step + 1);
             return Err(DesignError::Diverged {

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use petzval_base::Cancel;
 use petzval_camera::sensor::Noise;
 use serde::{Deserialize, Serialize};
 
@@ -22,16 +23,18 @@ const TOTAL: &str = "total";
 /// Where a checkpoint keeps the best numbers.
 const BEST: &str = "best";
 
-/// The mean total loss of a camera over batches of windows.
+/// The mean total loss of a camera over batches of windows. Fails with [`DesignError::Stopped`] before the next window once it is cancelled.
 pub fn validation_loss(
     camera: &Camera,
     batches: &[Vec<Shot>],
     noise: &Noise,
     loss: &dyn Objective,
+    cancel: &Cancel,
 ) -> Result<f64> {
     let (mut sum, mut windows) = (0.0, 0);
     for shots in batches {
-        let total = losses_of(&Batch::new(camera, shots, *noise, loss), camera, shots)?[TOTAL];
+        let batch = Batch { cancel: cancel.clone(), ..Batch::new(camera, shots, *noise, loss) };
+        let total = losses_of(&batch, camera, shots)?[TOTAL];
         sum += total * shots.len() as f64;
         windows += shots.len();
     }

@@ -1,4 +1,4 @@
-//! `design-stop`: ends the process that designs a run, after its running step and with a checkpoint.
+//! `design-stop`: ends the process that designs a run, with a checkpoint.
 
 use std::path::PathBuf;
 
@@ -20,7 +20,7 @@ pub struct Request {
 /// Which process is to end.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Response {
-    /// The process. It ends by itself when its step is done: `run-view` says when it has. None if no process works on the run.
+    /// The process. It gives its step up and ends by itself: `run-view` says when it has. None if no process works on the run.
     pub holder: Option<Holder>,
 }
 

@@ -243,8 +243,12 @@ impl Scenes {
     /// The training windows of a step. First they are all there, one after the other: a window may wait for the thread that makes it. Then all threads
     /// cut them.
     fn training_shots(&self, experiment: &Experiment, view: SceneView, step: u64) -> Result<Vec<Shot>> {
-        let items: Vec<TrainingItem> =
-            items_of(experiment, step).map(|item| self.training_item(view, item)).collect::<Result<_>>()?;
+        let item = |number| {
+            // A street takes a second.
+            self.cancel.check()?;
+            self.training_item(view, number)
+        };
+        let items: Vec<TrainingItem> = items_of(experiment, step).map(item).collect::<Result<_>>()?;
         Ok(items.into_par_iter().map(|item| self.training_shot(view, item)).collect())
     }
 
@@ -443,7 +447,10 @@ impl Windows for Scenes {
     }
 
     fn validation(&self, cameras: &Cameras, camera: &Camera) -> Result<Vec<Vec<Shot>>> {
-        let shot = |i: usize| self.shot(SceneView::of(camera), List::Validation, i as u64);
+        let shot = |i: usize| {
+            self.cancel.check()?;
+            self.shot(SceneView::of(camera), List::Validation, i as u64)
+        };
         in_batches(&cameras.experiment, self.validation_windows, shot)
     }
 

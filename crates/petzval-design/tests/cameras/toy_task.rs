@@ -2,27 +2,32 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
 
 use burn::module::{Module, Param};
 use burn::optim::{AdamConfig, ModuleOptimizer};
 use burn::prelude::*;
+use petzval_base::Cancel;
 use petzval_camera::tape::Frames;
 use petzval_design::assets::Assets;
 use petzval_design::block::{CameraNetwork, NetworkBlock, Sight};
 use petzval_design::camera::{Camera, Labels, Shot, host_image};
 use petzval_design::cameras::Cameras;
-use petzval_design::design_loop::{DesignLoop, Ending};
+use petzval_design::design_loop::{DesignLoop, Ending, Observer};
 use petzval_design::error::DesignError;
 use petzval_design::experiment::{Experiment, NetworkRole, PicturesKey, TaskFacts};
 use petzval_design::inputs::keep_inputs;
 use petzval_design::report::run_report::report_of_run;
-use petzval_design::run::{Metrics, PictureScore, RunFolder};
+use petzval_design::run::{
+    CameraMetrics, Event, Metrics, PictureScore, RunFolder, latest_checkpoint, read_events,
+};
 use petzval_design::scoring::Scorer;
 use petzval_design::setup::Setup;
 use petzval_design::task::pictures::Photographs;
 use petzval_design::task::{
     Depth, Findings, HeldOut, Judge, Objective, PreparedTask, ScoredPicture, Taken, Task, TaskReport, Tasks,
-    WindowPlan, Windows,
+    WindowPlan, Windows, WindowsOf,
 };
 use petzval_learn::loss::NamedLoss;
 use petzval_learn::score::ScoreDescription;
@@ -58,7 +63,15 @@ name = "a"
 moves = ["network"]
 "#;
 
-struct Brightness;
+struct Brightness(Option<CancelsAt>);
+
+/// Cancels a run while its objective looks at a window, for the time of this number, from 1.
+#[derive(Clone)]
+struct CancelsAt {
+    cancel: Cancel,
+    looks: Arc<AtomicUsize>,
+    at: usize,
+}
 
 impl Task for Brightness {
     fn facts(&self) -> TaskFacts {
@@ -79,7 +92,7 @@ impl Task for Brightness {
     }
 
     fn prepare(&self, _: &Experiment, _: &Assets, _: &Device) -> Result<Box<dyn PreparedTask>, DesignError> {
-        Ok(Box::new(Prepared))
+        Ok(Box::new(Prepared(self.0.clone())))
     }
 }
 
@@ -149,7 +162,7 @@ impl CameraNetwork for LearnsToRead {
     }
 }
 
-struct Prepared;
+struct Prepared(Option<CancelsAt>);
 
 impl PreparedTask for Prepared {
     fn windows(&self, plan: &WindowPlan) -> Result<Box<dyn Windows>, DesignError> {
@@ -163,7 +176,7 @@ impl PreparedTask for Prepared {
     }
 
     fn objective(&self, _: &Cameras) -> Result<Box<dyn Objective>, DesignError> {
-        Ok(Box::new(SquaredError))
+        Ok(Box::new(SquaredError(self.0.clone())))
     }
 
     fn judge(&self, _: &Cameras) -> Result<Box<dyn Judge>, DesignError> {
@@ -182,16 +195,25 @@ fn reading(camera: &Camera, pictures: Tensor<4>) -> Result<Tensor<1>, DesignErro
     Ok(reader.0.read(pictures))
 }
 
-struct SquaredError;
+struct SquaredError(Option<CancelsAt>);
 
 impl Objective for SquaredError {
     fn loss(&self, camera: &Camera, frames: &Frames, shots: &[Shot]) -> Result<NamedLoss, DesignError> {
+        if let Some(CancelsAt { cancel, looks, at }) = &self.0
+            && looks.fetch_add(1, Ordering::SeqCst) + 1 == *at
+        {
+            cancel.set();
+        }
         let numbers: Option<Vec<f32>> = shots.iter().map(|shot| shot.labels.of().copied()).collect();
         let numbers = numbers.ok_or(DesignError::OtherTask)?;
         let device = &camera.body().device;
         let wanted = Tensor::from_data(TensorData::new(numbers, [shots.len()]), device);
         let error = reading(camera, frames.finished.clone())? - wanted;
         Ok(NamedLoss::sum(vec![("squared_error", error.square().mean())])?)
+    }
+
+    fn windows(&self) -> WindowsOf {
+        WindowsOf::Apart
     }
 }
 
@@ -238,7 +260,7 @@ impl Findings for Found {
 
 #[test]
 fn a_task_from_outside_is_designed_for_scored_reported_and_read_again() {
-    let tasks = Tasks::built_in().with(Brightness);
+    let tasks = Tasks::built_in().with(Brightness(None));
     let library = library().with_tasks(tasks.clone());
     let folder = tempfile::tempdir().unwrap();
     let run = RunFolder::create(&folder.path().join("run")).unwrap();
@@ -272,4 +294,134 @@ fn a_task_from_outside_is_designed_for_scored_reported_and_read_again() {
     // The run names its task, and is read again where that is known.
     let again = library.experiment_of_run(&run).unwrap();
     assert_eq!((again.task.as_str(), &again.scoring.scores[..]), ("brightness", &["error".to_owned()][..]));
+}
+
+/// Four network steps of four windows each, and a score.
+fn short(more: &str) -> String {
+    EXPERIMENT.replacen("steps = 40", "steps = 4", 1) + more
+}
+
+/// Starts a run, or goes on with it, on one thread, where each window begins after the one before.
+fn designed(
+    run: &RunFolder,
+    text: &str,
+    cancels: Option<CancelsAt>,
+    keep_every: Duration,
+    watch: &mut Watch,
+) -> Ending {
+    let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    one_thread.install(|| {
+        let tasks = Tasks::built_in().with(Brightness(cancels.clone()));
+        let cancel = cancels.map_or_else(|| watch.cancel.clone(), |cancels| cancels.cancel);
+        let library = library().with_tasks(tasks.clone()).stopped_by(cancel);
+        let experiment = tasks.parse(text).unwrap();
+        let setup = Setup::new(experiment, &library, Device::flex().autodiff()).unwrap();
+        let scorer = Scorer::new(Arc::new(setup)).unwrap();
+        if !run.config().exists() {
+            keep_inputs(&scorer, &library, run, None).unwrap();
+        }
+        let design = DesignLoop::new(run.clone(), scorer).unwrap().keeping_every(keep_every);
+        design.run(watch).unwrap()
+    })
+}
+
+/// Sees which step is the last one that is kept, and may cancel a score.
+struct Watch {
+    run: RunFolder,
+    cancel: Cancel,
+    cancels_scores: bool,
+    /// Where the run began or went on.
+    from: u64,
+    /// After each step, before anything is kept of it.
+    kept_in_steps: Vec<u64>,
+    /// Before each picture of a score.
+    kept_in_scores: Vec<u64>,
+}
+
+impl Watch {
+    fn new(run: &RunFolder, cancels_scores: bool) -> Self {
+        let (cancel, from) = (Cancel::default(), 0);
+        let (kept_in_steps, kept_in_scores) = (Vec::new(), Vec::new());
+        Self { run: run.clone(), cancel, cancels_scores, from, kept_in_steps, kept_in_scores }
+    }
+
+    fn kept(&self) -> u64 {
+        latest_checkpoint(&self.run).unwrap().map_or(0, |(step, _)| step)
+    }
+}
+
+impl Observer for Watch {
+    fn start(&mut self, done: u64, _: u64) {
+        self.from = done;
+    }
+    fn step(&mut self, _: &Event) {
+        self.kept_in_steps.push(self.kept());
+    }
+    fn scoring(&mut self, _: &str, _: usize, _: usize) {
+        self.kept_in_scores.push(self.kept());
+        if self.cancels_scores {
+            self.cancel.set();
+        }
+    }
+    fn camera(&mut self, _: &CameraMetrics) {}
+}
+
+const NEVER: Duration = Duration::MAX;
+
+#[test]
+fn a_run_that_is_stopped_in_its_first_score_goes_on_with_that_score() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |name: &str| RunFolder::create(&folder.path().join(name)).unwrap();
+    let whole = run("whole");
+    let finished = designed(&whole, &short(""), None, NEVER, &mut Watch::new(&whole, false));
+    assert!(matches!(finished, Ending::Finished(_)));
+
+    let stopped = run("stopped");
+    let mut watch = Watch::new(&stopped, true);
+    assert_eq!(designed(&stopped, &short(""), None, NEVER, &mut watch), Ending::Stopped(4));
+    // Before the first picture, so that a run that is killed in its score goes on there as well.
+    assert_eq!((&watch.kept_in_steps[..], &watch.kept_in_scores[..]), (&[0; 4][..], &[4][..]));
+    let mut watch = Watch::new(&stopped, false);
+    assert_eq!(designed(&stopped, &short(""), None, NEVER, &mut watch), finished);
+    assert_eq!((watch.from, watch.kept_in_steps), (4, vec![4]));
+}
+
+#[test]
+fn steps_that_end_so_long_after_the_last_checkpoint_are_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = RunFolder::create(&folder.path().join("run")).unwrap();
+    let mut watch = Watch::new(&run, false);
+    designed(&run, &short(""), None, Duration::ZERO, &mut watch);
+    assert_eq!(watch.kept_in_steps, [0, 1, 2, 3, 4]);
+}
+
+#[test]
+fn a_step_that_is_cancelled_between_its_windows_is_taken_again_to_the_same_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |name: &str| RunFolder::create(&folder.path().join(name)).unwrap();
+    let text = short("[validation]\nevery = 2\nwindows = 4\n");
+    let weights =
+        |run: &RunFolder| std::fs::read(run.camera("a").join("blocks/network/weights.bin")).unwrap();
+    let losses = |run: &RunFolder| -> Vec<_> {
+        read_events(&run.events()).unwrap().into_iter().map(|event| (event.step, event.losses)).collect()
+    };
+    let whole = run("whole");
+    let finished = designed(&whole, &text, None, NEVER, &mut Watch::new(&whole, false));
+    assert_eq!(losses(&whole).len(), 5);
+
+    // In the second step, in the validation at its end, and in the third step.
+    for (at, last) in [(6, 1), (10, 1), (14, 2)] {
+        let stopped = run(&at.to_string());
+        let cancels = CancelsAt { cancel: Cancel::default(), looks: Arc::default(), at };
+        let looks = cancels.looks.clone();
+        let ending = designed(&stopped, &text, Some(cancels), NEVER, &mut Watch::new(&stopped, false));
+        assert_eq!(ending, Ending::Stopped(last), "{at}");
+        assert_eq!(looks.load(Ordering::SeqCst), at, "a window was begun after the run was cancelled");
+        assert_eq!((Watch::new(&stopped, false).kept(), losses(&stopped).len()), (last, last as usize));
+        let mut watch = Watch::new(&stopped, false);
+        assert_eq!(designed(&stopped, &text, None, NEVER, &mut watch), finished, "{at}");
+        assert_eq!(watch.from, last);
+        assert_eq!(losses(&stopped), losses(&whole), "{at}");
+        assert!(weights(&stopped) == weights(&whole), "{at}");
+    }
 }

@@ -27,7 +27,7 @@ use super::terminal::{Terminal, ending};
 /// That one takes minutes. An experiment with a detector takes half an hour to six hours on a core; for a trial, lower `street.windows`,
 /// `street.held_out` and `training.steps` in a copy of its file (--print-config).
 ///
-/// Ctrl-C finishes the current step, writes a checkpoint and exits with 75; --resume continues from there.
+/// Ctrl-C gives the current step up, writes a checkpoint and exits with 75; --resume takes that step again and goes on.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Experiment file, or the name of a built-in one; or a lens file, for which `petzval init --lens` would write an experiment

@@ -494,7 +494,7 @@ fn a_folder_that_cannot_be_made() {
     design("tiny.toml/run", "tiny.toml is no folder");
 }
 
-/// A run that was interrupted: its last checkpoint is that of step 18.
+/// A run that was interrupted in its last score: its last checkpoint is that of the step before, the last one of a stage.
 fn interrupted(folder: &Path) {
     let run = folder.join("whole");
     std::fs::rename(finished_run(folder), &run).unwrap();
@@ -505,7 +505,7 @@ fn interrupted(folder: &Path) {
     assert!(run.join(CHECKPOINT).is_dir());
 }
 
-const CHECKPOINT: &str = "checkpoints/step-000018";
+const CHECKPOINT: &str = "checkpoints/step-000020";
 
 /// Resumes a copy of the run in which one file was changed; it must be refused with a message that names the file.
 fn refuses(folder: &Path, file: &str, change: impl FnOnce(&[u8]) -> Option<Vec<u8>>) {
