@@ -31,11 +31,11 @@ pub struct Response {
     pub units: Vec<KeptUnit>,
     /// Draws that gave the values of an earlier one, and are left out.
     pub merged: usize,
-    /// What the units cost that have no result yet; none of a job other than a design before one of its units is finished.
-    pub estimate: Option<Estimate>,
+    /// What the units cost that have no result yet.
+    pub estimate: Estimate,
 }
 
-/// Checks every unit, and estimates the cost as [`estimate`] does: a unit of a design may be made short and timed. Fails as [`plan`] and [`keyed`] do.
+/// Checks every unit, and estimates the cost as [`estimate`] does: a unit may be timed, that of a design in a short form. Fails as [`plan`] and [`keyed`] do.
 pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let source = Source::read(&request.file)?;
     let plan = plan(&source, context)?;

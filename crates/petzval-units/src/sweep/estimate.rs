@@ -1,10 +1,11 @@
-//! What a sweep will cost: from units that are finished, or from one unit made short and timed.
+//! What a sweep will cost: from units that are finished, or from one unit that is timed.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
 
 use cpu_time::ProcessTime;
+use petzval_base::simd::level;
 use petzval_design::experiment::{BlockName, Experiment};
 use petzval_design::run::read_events;
 use petzval_jobs::design::{self, Changes, Request, Run};
@@ -14,11 +15,11 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::kept::KeptSweep;
-use super::plan::{DESIGN, Plan};
-use crate::store::State;
-use crate::store::{Seen, Store};
+use super::plan::{DESIGN, Plan, PlannedUnit};
+use crate::store::{Outcome, RunOptions, Seen, State, Store, StoredResult, run_unit};
+use crate::unit::Unit;
 
-/// Network steps of the unit that is timed.
+/// Network steps of a design that is timed.
 const STEPS: usize = 4;
 
 /// The file that makes a folder a store.
@@ -37,11 +38,14 @@ pub struct Estimate {
     pub basis: String,
 }
 
-/// Estimates what is left of a sweep; none if nothing is known, as of a job other than a design none of whose units is finished.
+/// Estimates what is left of a sweep.
 ///
-/// Units of the sweep that the store has a result of give the mean. Otherwise the first unit is made with a few network steps in a folder of its own, which
-/// takes a minute or two; every unit then costs by its own number of steps. A key that makes single steps longer, such as `training.batch`, is not seen.
-pub fn estimate(plan: &Plan, kept: &KeptSweep, store: &Path, context: &Context) -> Result<Option<Estimate>> {
+/// Units of the sweep that the store has a result of give the mean. Otherwise the first unit is timed in a folder of its own, which is removed
+/// afterwards. A design is made with a few network steps, which takes a minute or two; every unit then costs by its own number of steps. A key
+/// that makes single steps longer, such as `training.batch`, is not seen. A unit of any other job is run whole, and every unit counts as much.
+///
+/// Fails if the first unit cannot be run, and with [`JobError::Stopped`] if it is cancelled.
+pub fn estimate(plan: &Plan, kept: &KeptSweep, store: &Path, context: &Context) -> Result<Estimate> {
     let mut costs = Vec::new();
     if store.join(STORE).is_file() {
         let store_there = Store::open(store)?;
@@ -55,25 +59,68 @@ pub fn estimate(plan: &Plan, kept: &KeptSweep, store: &Path, context: &Context) 
     if done > 0 {
         let mean = |of: fn(&(f64, u64)) -> f64| costs.iter().map(of).sum::<f64>() / done as f64;
         let left = (all - done) as f64;
-        return Ok(Some(Estimate {
+        return Ok(Estimate {
             done,
             cpu_seconds: left * mean(|cost| cost.0),
             disk_gb: left * mean(|cost| cost.1 as f64) / 1e9,
             basis: format!("the mean of {done} finished units"),
-        }));
+        });
     }
-    let Some(first) = plan.units.first().filter(|_| plan.job == DESIGN) else { return Ok(None) };
+    let Some(first) = plan.units.first() else {
+        return Err(JobError::input("the sweep has no unit", "let a key vary in [grid], [list] or [random]"));
+    };
+    if plan.job != DESIGN {
+        let (cpu_seconds, bytes) = cost_of(first, context)?;
+        return Ok(Estimate {
+            done,
+            cpu_seconds: all as f64 * cpu_seconds,
+            disk_gb: all as f64 * bytes as f64 / 1e9,
+            basis: format!("the unit `{}`, timed here", first.name),
+        });
+    }
     let timed = timed(&first.call.request, context)?;
     let mut seconds = 0.0;
     for unit in &plan.units {
         seconds += timed.seconds_of(&experiment_of(&unit.call.request, context)?);
     }
-    Ok(Some(Estimate {
+    Ok(Estimate {
         done,
         cpu_seconds: seconds,
         disk_gb: all as f64 * timed.bytes as f64 / 1e9,
         basis: format!("the unit `{}` with {STEPS} network steps, timed here", first.name),
-    }))
+    })
+}
+
+/// CPU seconds and bytes of a unit, which is run whole in a store of its own that is removed afterwards.
+fn cost_of(first: &PlannedUnit, context: &Context) -> Result<(f64, u64)> {
+    let folder = own_folder()?;
+    let store = Store::open_or_new(&folder.path().join("store"))?;
+    // This process computes with its own instruction set, whatever that of the sweep is.
+    let unit = Unit { simd: level().to_owned(), ..Unit::new(&first.name, first.call.clone()) };
+    context.note(format!("timing the unit `{}`, which is run to its end", first.name));
+    let error = match run_unit(&unit, &store, &context.silent(), RunOptions::default())? {
+        Outcome::Done(result) | Outcome::There(result) => {
+            let StoredResult { key, cost, .. } = *result;
+            return Ok((cost.all_cpu_seconds, bytes_of(&store.folder(&key))));
+        }
+        Outcome::Stopped(_) => return Err(stopped()),
+        Outcome::Elsewhere => return Err(JobError::failed("another process has the unit that is timed")),
+        Outcome::Failed(failure) => failure.error,
+        Outcome::Damaged(error) => *error,
+    };
+    let message = format!("the unit `{}`, which was timed, failed: {}", first.name, error.in_words());
+    let hint = "let a unit that can be run come first, or run the sweep without --dry-run".to_owned();
+    Err(JobError::input(message, if error.hint.is_empty() { hint } else { error.hint }))
+}
+
+/// A folder for the unit that is timed. It is removed when the value is dropped.
+fn own_folder() -> Result<tempfile::TempDir> {
+    tempfile::tempdir().map_err(|e| JobError::failed(format!("a folder for the unit that is timed: {e}")))
+}
+
+/// How the estimate ends that was cancelled: the folder of its unit is removed.
+fn stopped() -> JobError {
+    Stopped::new("stopped while a unit was timed; nothing is written").into()
 }
 
 /// What a short run has shown.
@@ -115,8 +162,7 @@ impl Timed {
 
 /// Makes a unit with a few steps and times its parts.
 fn timed(request: &Value, context: &Context) -> Result<Timed> {
-    let folder = tempfile::tempdir()
-        .map_err(|e| JobError::failed(format!("a folder for the unit that is timed: {e}")))?;
+    let folder = own_folder()?;
     let request: Request =
         serde_json::from_value(request.clone()).map_err(|e| JobError::failed(e.to_string()))?;
     let Run::New(new) = request.run else {
@@ -130,8 +176,7 @@ fn timed(request: &Value, context: &Context) -> Result<Timed> {
     let (cpu, wall) = (ProcessTime::now(), Instant::now());
     // Its steps are no steps of a unit: nobody is to take them for that.
     design::run(&request, &context.silent()).map_err(|error| match error {
-        // Its folder goes with it.
-        JobError::Stopped(_) => Stopped::new("stopped while a unit was timed; nothing is written").into(),
+        JobError::Stopped(_) => stopped(),
         other => other,
     })?;
     let (cpu, wall) = (cpu.elapsed().as_secs_f64(), wall.elapsed().as_secs_f64());
@@ -175,7 +220,33 @@ fn bytes_of(folder: &Path) -> u64 {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
+    use petzval_jobs::{Call, Silent, built_in_assets};
+    use serde_json::json;
+
     use super::*;
+
+    #[test]
+    fn a_unit_of_a_job_is_timed_whole_and_one_that_fails_is_named() {
+        let context = Context::new(built_in_assets(), Arc::new(Silent));
+        let unit = |lens: &str| PlannedUnit {
+            name: "first".to_owned(),
+            values: vec![json!(lens)],
+            variant: None,
+            seed: None,
+            call: Call::new("lens-show", json!({"lens": lens})),
+        };
+        let (cpu_seconds, bytes) = cost_of(&unit("cooke-triplet-nominal"), &context).unwrap();
+        // The folder of a unit holds its claim, its log and its result.
+        assert!(cpu_seconds >= 0.0 && bytes > 500, "{cpu_seconds} s, {bytes} bytes");
+        let folder = tempfile::tempdir().unwrap();
+        let no_lens = folder.path().join("lens.toml");
+        std::fs::write(&no_lens, "name = \"x\"\n").unwrap();
+        let failed = cost_of(&unit(no_lens.to_str().unwrap()), &context).unwrap_err().report();
+        assert!(failed.message.contains("the unit `first`, which was timed, failed: "), "{failed:?}");
+        assert!(!failed.hint.is_empty(), "{failed:?}");
+    }
 
     #[test]
     fn the_first_step_of_a_camera_is_none_of_the_usual_ones() {

@@ -212,7 +212,12 @@ fn a_sweep_of_a_job_is_run_here_gathered_and_a_failed_unit_run_again() {
         "{}",
         dry.stdout
     );
-    assert!(dry.stdout.contains("not known before a unit of the job `lens-show` is finished"));
+    assert!(dry.stdout.contains("\nCPU time: "), "{}", dry.stdout);
+    assert!(
+        dry.stdout.contains(", by the unit `lens=cooke-triplet-nominal`, timed here\ndisk: "),
+        "{}",
+        dry.stdout
+    );
     assert!(!folder.path().join("sweeps").exists());
     let print = run_ok(folder.path(), &["sweep", "s.toml", "--submit", "print", "--option=--partition=long"]);
     assert!(

@@ -150,16 +150,12 @@ fn dry_run(request: &Request, context: &Context) -> Result<Code, Failure> {
     if plan.units.len() > SHOWN {
         outln!("  and {} more", plan.units.len() - SHOWN);
     }
-    match plan.estimate {
-        Some(estimate) => {
-            if estimate.done > 0 {
-                outln!("finished already: {}", estimate.done);
-            }
-            outln!("CPU time: {}, by {}", time_text(estimate.cpu_seconds), estimate.basis);
-            outln!("disk: {:.3} GB", estimate.disk_gb);
-        }
-        None => outln!("CPU time and disk: not known before a unit of the job `{}` is finished", plan.job),
+    let estimate = plan.estimate;
+    if estimate.done > 0 {
+        outln!("finished already: {}", estimate.done);
     }
+    outln!("CPU time: {}, by {}", time_text(estimate.cpu_seconds), estimate.basis);
+    outln!("disk: {:.3} GB", estimate.disk_gb);
     Ok(Code::SUCCESS)
 }
 
