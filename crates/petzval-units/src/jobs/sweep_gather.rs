@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use petzval_base::pasted;
-use petzval_jobs::{Context, Result};
+use petzval_jobs::{Context, Result, WarningKind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -45,6 +45,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let kept = KeptSweep::read(store)?;
     let status = status(&kept, store, &mut Seen::default(), context.cancel())?;
     let gathered = gather(&kept, store, status, context.cancel())?;
+    if let Some(text) = gathered.unlike_machines() {
+        context.warning(WarningKind::InstructionSet, text);
+    }
     let files = match out {
         Some(out) => write(request, &kept, &gathered, out, context)?,
         None => Vec::new(),

@@ -94,7 +94,8 @@ pub fn run_unit(unit: &Unit, store: &Store, context: &Context, options: RunOptio
     run_prepared(&prepared, store, context, options, &mut Seen::default())
 }
 
-/// Runs units one after another, each as [`run_unit`] does, until all have ended. Every unit is checked before the first is run.
+/// Runs units one after another, each as [`run_unit`] does, until all have ended. Every unit is checked before the first is run. Units of two
+/// instruction sets are refused.
 ///
 /// Units on which other processes work come last: they are waited for, and taken over if their process is gone. A unit that fails or is damaged does
 /// not end the others. Once the context is cancelled, the running unit keeps its checkpoint and no other is begun. The store is opened
@@ -107,6 +108,7 @@ pub fn run_all(
 ) -> Result<Summary> {
     let (mut summary, mut seen) = (Summary::default(), Seen::default());
     let (digests, mut prepared) = (Digests::default(), Vec::new());
+    check_one_level(units)?;
     for unit in units {
         if context.is_cancelled() {
             summary.stopped = Some(Stopped::new("stopped before the first unit"));
@@ -158,6 +160,20 @@ fn ready(unit: &Unit, context: &Context, digests: &Digests) -> Result<Prepared> 
     unit.check()?;
     unit.check_level()?;
     Prepared::checked(unit, context, digests)
+}
+
+/// Fails at the first unit with another instruction set than the first one: a process computes with one.
+fn check_one_level(units: &[&Unit]) -> Result<()> {
+    let Some(first) = units.first() else { return Ok(()) };
+    let Some(other) = units.iter().find(|unit| unit.simd != first.simd) else { return Ok(()) };
+    first.check()?;
+    other.check()?;
+    let message = format!(
+        "`simd` is {}, and that of the unit \"{}\" is {}: a process computes with one instruction set",
+        other.simd, first.name, first.simd
+    );
+    let hint = "write a file of units for each instruction set, or run units one by one with --name NAME";
+    Err(other.refused(&message, hint))
 }
 
 /// Waits, but not longer than until the context is cancelled.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use petzval_base::{Cancel, csv_number, csv_text};
+use petzval_base::{Cancel, counted, csv_number, csv_text};
 use petzval_design::run::Metrics;
 use petzval_jobs::{JobError, Result};
 use schemars::JsonSchema;
@@ -76,6 +76,9 @@ pub struct UnitResult {
     pub files: Option<PathBuf>,
     /// CPU seconds of all attempts of the unit, s.
     pub cpu_seconds: f64,
+    /// Widest instruction set of the machine that finished the unit, by which the tensor framework chooses its kernels; empty if it is not known.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub widest_simd: String,
 }
 
 /// Results that differ in their seeds alone.
@@ -147,6 +150,7 @@ pub fn gather(sweep: &KeptSweep, root: &Path, status: SweepStatus, cancel: &Canc
             status: result.response["status"].as_str().unwrap_or_default().to_owned(),
             files: store.files(&result),
             cpu_seconds: result.cost.all_cpu_seconds,
+            widest_simd: result.cost.widest_simd.clone(),
         };
         if sweep.job == DESIGN {
             let metrics: Metrics =
@@ -419,6 +423,31 @@ impl Gathered {
         csv_text([framed("unit".to_owned(), heads, "cpu_seconds".to_owned())].into_iter().chain(rows))
     }
 
+    /// Which kinds of machines finished the units, if their widest instruction sets differ; none if all have the same.
+    ///
+    /// The key of a unit holds the instruction set of Petzval's own kernels. The tensor framework chooses its kernels by the machine.
+    pub fn unlike_machines(&self) -> Option<String> {
+        let mut kinds: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+        for unit in self.units.iter().filter(|unit| !unit.widest_simd.is_empty()) {
+            let of_kind = kinds.entry(&unit.widest_simd).or_default();
+            // The cameras of a unit follow each other.
+            if of_kind.last() != Some(&unit.unit.as_str()) {
+                of_kind.push(&unit.unit);
+            }
+        }
+        if kinds.len() < 2 {
+            return None;
+        }
+        let of_kind = |(widest, units): (&&str, &Vec<&str>)| {
+            format!("{widest} for {}, such as `{}`", counted(units.len(), "unit"), units[0])
+        };
+        let kinds: Vec<String> = kinds.iter().map(of_kind).collect();
+        Some(format!(
+            "the units ran on machines whose widest instruction sets differ: {}; results of networks agree to the bit only between machines of one kind",
+            kinds.join("; ")
+        ))
+    }
+
     /// The heading of a column.
     pub fn head(&self, column: Column) -> String {
         match column {
@@ -463,6 +492,7 @@ mod tests {
             status: String::new(),
             files: None,
             cpu_seconds: 2.5,
+            widest_simd: "avx2".to_owned(),
         }
     }
 
@@ -523,6 +553,16 @@ mod tests {
         let same = gathered(vec![lost.clone(), UnitResult { unit: "3".to_owned(), ..lost }]);
         assert!(!same.shown_columns(&[0]).contains(&Column::Status) && same.csv().contains(",status"));
         assert!(!gathered(vec![unit("1", "a", 64, None)]).units_csv().contains("status"));
+    }
+
+    #[test]
+    fn units_of_machines_with_different_instruction_sets_are_named() {
+        let [first, same] = [unit("1", "a", 64, None), unit("1", "b", 64, None)];
+        assert_eq!(gathered(vec![first.clone(), same.clone()]).unlike_machines(), None);
+        let unknown = UnitResult { widest_simd: String::new(), ..unit("2", "a", 64, None) };
+        let wider = UnitResult { widest_simd: "avx512".to_owned(), ..unit("3", "a", 64, None) };
+        let said = gathered(vec![first, same, unknown, wider]).unlike_machines().unwrap();
+        assert!(said.contains("avx2 for 1 unit, such as `1`; avx512 for 1 unit, such as `3`"), "{said}");
     }
 
     #[test]

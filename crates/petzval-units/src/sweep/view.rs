@@ -53,13 +53,15 @@ pub fn view(gathered: &Gathered, choice: &Choice, again: &str) -> Result<SweepVi
     };
     let failed = gathered.status.units.iter().filter(|unit| unit.has_error());
     let cpu: f64 = gathered.status.units.iter().filter_map(|unit| unit.cpu_seconds).sum();
+    let machines = gathered.unlike_machines();
     Ok(SweepView {
         title: gathered.title.clone(),
         subtitle: format!(
-            "{} units: {}. CPU time so far: {}.",
+            "{} units: {}. CPU time so far: {}.{}",
             gathered.status.units.len(),
             gathered.status.in_words(),
-            time_text(cpu)
+            time_text(cpu),
+            machines.map_or_else(String::new, |text| format!(" {}.", capitalised(&text)))
         ),
         answer: answer(gathered, &shown),
         constant: constant_figures(gathered, &shown),
@@ -459,6 +461,7 @@ mod tests {
             status: String::new(),
             files: None,
             cpu_seconds: 0.1,
+            widest_simd: "avx2".to_owned(),
         };
         Gathered {
             title: String::new(),
@@ -490,6 +493,18 @@ mod tests {
         assert_eq!(scatter.names, ["key grade", "yield at the limit"]);
         assert_eq!(scatter.x_words, ["commercial", "high"]);
         assert_eq!(scatter.groups[0].at, [[0.0, 0.5], [0.0, 0.75], [1.0, 0.875], [1.0, 1.0]]);
+    }
+
+    #[test]
+    fn the_page_says_that_machines_differ() {
+        let mut gathered = tolerances();
+        let subtitle = |gathered: &Gathered| view(gathered, &Choice::default(), "").unwrap().subtitle;
+        assert!(!subtitle(&gathered).contains("machines"));
+        gathered.units[1].widest_simd = "avx512".to_owned();
+        assert!(
+            subtitle(&gathered)
+                .contains(". The units ran on machines whose widest instruction sets differ: ")
+        );
     }
 
     #[test]

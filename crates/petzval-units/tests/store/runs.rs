@@ -67,6 +67,24 @@ fn a_unit_whose_job_needs_a_folder_of_results_has_one_in_the_store() {
 }
 
 #[test]
+fn units_of_two_instruction_sets_are_refused_with_a_way_to_run_both() {
+    let folder = tempfile::tempdir().unwrap();
+    let own = trivial("own", 1.0);
+    let simd = if own.simd == "scalar" { "avx2" } else { "scalar" };
+    let other = Unit { simd: simd.to_owned(), ..trivial("other", 2.0) };
+    // In both orders: the instruction set of the process decides about neither.
+    for units in [[&own, &other], [&other, &own]] {
+        let refused = run_all(&units, || Ok(store(folder.path())), &context(), USUAL).unwrap_err().report();
+        assert!(
+            refused.message.contains("unit \"own\"") && refused.message.contains("unit \"other\""),
+            "{refused:?}"
+        );
+        assert!(refused.hint.contains("--name") && !refused.hint.contains("PETZVAL_SIMD"), "{refused:?}");
+    }
+    assert!(!folder.path().join("store").exists());
+}
+
+#[test]
 fn a_unit_that_fails_keeps_its_error_and_is_run_again_only_on_request() {
     let folder = tempfile::tempdir().unwrap();
     let store = store(folder.path());

@@ -242,7 +242,8 @@ fn a_sweep_of_a_job_is_run_here_gathered_and_a_failed_unit_run_again() {
     assert_eq!(lines.len(), 3);
     assert!(read(&folder.path().join("sweeps/s/sweep.html")).contains("class=\"points\""));
     // By default the lenses stand to the right, by their names.
-    run_ok(folder.path(), &["sweep", "gather", "sweeps/s"]);
+    let gathered = run_ok(folder.path(), &["sweep", "gather", "sweeps/s", "--json"]).json();
+    assert!(!gathered["units"][0]["widest_simd"].as_str().unwrap().is_empty(), "{gathered}");
     let page = read(&folder.path().join("sweeps/s/sweep.html"));
     assert!(page.contains(">key lens</text>") && page.contains(">single.toml</text>"), "{page}");
     assert!(page.contains("class=\"lead\"") && page.contains("; largest: lens "), "{page}");
