@@ -22,7 +22,7 @@ pub use job::row_of_unit;
 pub use key::Key;
 pub use origin::Origin;
 pub use prepared::Prepared;
-pub use shard::{Shard, ShardSource, shard_of_environment};
+pub use shard::{Shard, ShardSource, shard_of_environment, task_without_count};
 
 /// The version of [`Unit`] that this program writes and reads.
 pub const UNIT_FORMAT: u32 = 1;

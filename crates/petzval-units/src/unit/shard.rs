@@ -64,6 +64,8 @@ impl ShardSource {
 /// Slurm: `SLURM_ARRAY_TASK_ID` counts from `_MIN` in steps of `_STEP`, and there are `_COUNT`. HyperQueue: `HQ_TASK_ID` is the place of
 /// one unit in the file, from 0; `units` is their number.
 ///
+/// `SLURM_ARRAY_TASK_ID` without `_COUNT` gives no shard: see [`task_without_count`].
+///
 /// Fails if a number cannot be read, or if an array with gaps has numbers beyond its count.
 pub fn shard_of_environment(
     variable: impl Fn(&str) -> Option<String>,
@@ -105,6 +107,17 @@ pub fn shard_of_environment(
         return Ok(Some((Shard { index, count }, ShardSource::HyperQueue)));
     }
     Ok(None)
+}
+
+/// What is to be said of a task of a Slurm array without the number of its tasks, which gives no shard; none elsewhere. The number of a task may
+/// come into a container or over ssh alone, so that it is no error.
+pub fn task_without_count(variable: impl Fn(&str) -> Option<String>) -> Option<String> {
+    let id = variable("SLURM_ARRAY_TASK_ID")?;
+    variable("SLURM_ARRAY_TASK_COUNT").is_none().then(|| {
+        format!(
+            "SLURM_ARRAY_TASK_ID={id} without SLURM_ARRAY_TASK_COUNT: every unit is run; in a task of an array give its part by --shard i/n, with i from 0"
+        )
+    })
 }
 
 #[cfg(test)]
@@ -151,5 +164,16 @@ mod tests {
         assert_eq!(found(&[("HQ_TASK_ID", "2")], 3), Ok(Some("2/3 by HQ_TASK_ID".to_owned())));
         assert!(found(&[("HQ_TASK_ID", "3")], 3).unwrap_err().contains("3 units"));
         assert_eq!(found(&[], 3), Ok(None));
+    }
+
+    #[test]
+    fn a_task_without_the_number_of_tasks_has_no_shard_and_says_so() {
+        assert_eq!(found(&[("SLURM_ARRAY_TASK_ID", "3")], 9), Ok(None));
+        let said = |known: &[&str]| {
+            task_without_count(|name| known.contains(&name).then(|| "3".to_owned())).unwrap_or_default()
+        };
+        assert!(said(&["SLURM_ARRAY_TASK_ID"]).contains("every unit is run"));
+        assert_eq!(said(&["SLURM_ARRAY_TASK_ID", "SLURM_ARRAY_TASK_COUNT"]), "");
+        assert_eq!(said(&["SLURM_ARRAY_TASK_COUNT"]), "");
     }
 }

@@ -6,7 +6,7 @@ use crate::base::counted;
 use crate::cli::code::Code;
 use crate::jobs::Context;
 use crate::units::store::{RunOptions, Store, Summary, run_all};
-use crate::units::unit::{Shard, Unit, UnitFile, read_units, shard_of_environment};
+use crate::units::unit::{Shard, Unit, UnitFile, read_units, shard_of_environment, task_without_count};
 
 use super::super::failure::Failure;
 use super::super::plain;
@@ -90,8 +90,10 @@ fn chosen<'f>(file: &'f UnitFile, args: &Args) -> Result<(Vec<&'f Unit>, Option<
     if let Some(shard) = args.shard {
         return Ok((shard.of(&all), None));
     }
-    let found = shard_of_environment(|name| std::env::var(name).ok(), all.len())?;
-    let Some((shard, source)) = found else { return Ok((all, None)) };
+    let variable = |name: &str| std::env::var(name).ok();
+    let Some((shard, source)) = shard_of_environment(variable, all.len())? else {
+        return Ok((all, task_without_count(variable)));
+    };
     let own = shard.of(&all);
     let said =
         format!("shard {shard} by {}: {} of {}", source.variable(), counted(own.len(), "unit"), all.len());
