@@ -64,6 +64,8 @@ pub struct Row {
     behind: fn(Value, &Context) -> Result<Vec<PathBuf>>,
     #[serde(skip)]
     out_in: Option<&'static str>,
+    #[serde(skip)]
+    keeps_checkpoints: bool,
 }
 
 impl Row {
@@ -81,6 +83,7 @@ impl Row {
             going_on: going_on::<J>,
             behind: behind::<J>,
             out_in: J::UNIT.out_in,
+            keeps_checkpoints: J::UNIT.going_on.is_some(),
         }
     }
 
@@ -135,6 +138,11 @@ impl Row {
     /// The request that goes on from what a folder of [`Row::kept_in`] holds; none if the job has to begin again.
     pub fn going_on(&self, request: Value, folder: &Path) -> Result<Option<Value>> {
         (self.going_on)(request, folder)
+    }
+
+    /// Whether the job keeps checkpoints, from which a later one goes on.
+    pub fn keeps_checkpoints(&self) -> bool {
+        self.keeps_checkpoints
     }
 
     /// Files and folders on which the result of a request depends, but which only a file that it names refers to.

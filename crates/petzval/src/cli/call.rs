@@ -42,7 +42,11 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         Err(error) => return Ok(failed(&error, args.events)),
     };
     let context = if args.events { terminal.context_of(Arc::new(JsonLines)) } else { terminal.context() };
-    let stop = if args.events { signals::stop_quietly()? } else { signals::stop_on_signal()? };
+    let stop = if args.events {
+        signals::stop_quietly()?
+    } else {
+        signals::stop_jobs_on_signal([call.job.as_str()])?
+    };
     let ended = call.run_by(&table(), &context.with_cancellation(stop));
     let error = match ended {
         Ok(response) => return print_json(&response),

@@ -9,7 +9,7 @@
 use std::time::Duration;
 
 use crate::base::Cancel;
-use crate::jobs::machine;
+use crate::jobs::{Row, machine, row};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
 use signal_hook::iterator::Signals;
 
@@ -21,13 +21,32 @@ const EXIT_AT_ONCE: i32 = 1;
 /// How long a job may take to end by itself after a signal.
 const GRACE: Duration = Duration::from_secs(1);
 
+/// What a signal does to a job that keeps checkpoints.
+const WITH_CHECKPOINT: &str = "stopping after the current step, with a checkpoint";
+
 /// A flag that the first signal sets, for jobs that write checkpoints.
 pub fn stop_on_signal() -> Result<Cancel, Failure> {
-    first_signal(|| {
-        noteln!(
-            "stopping after the current step, with a checkpoint; a second Ctrl-C stops at once, without one"
-        );
-    })
+    stop_saying(WITH_CHECKPOINT)
+}
+
+/// A flag that the first signal sets, for jobs of these names.
+pub fn stop_jobs_on_signal<'j>(names: impl IntoIterator<Item = &'j str>) -> Result<Cancel, Failure> {
+    stop_saying(stopping(names))
+}
+
+fn stop_saying(text: &'static str) -> Result<Cancel, Failure> {
+    first_signal(move || noteln!("{text}; a second Ctrl-C stops at once, without a checkpoint"))
+}
+
+/// What a signal does to jobs of these names, in words.
+pub fn stopping<'j>(names: impl IntoIterator<Item = &'j str>) -> &'static str {
+    let (with, without): (Vec<&str>, Vec<&str>) =
+        names.into_iter().partition(|name| row(name).is_ok_and(Row::keeps_checkpoints));
+    match (with.is_empty(), without.is_empty()) {
+        (_, true) => WITH_CHECKPOINT,
+        (true, false) => "stopping; the job keeps no checkpoint and begins again next time",
+        (false, false) => "stopping; a job with checkpoints keeps one, any other begins again next time",
+    }
 }
 
 /// The same, of which nothing is said.
@@ -73,4 +92,16 @@ fn handled() -> Result<Signals, Failure> {
     let all = [SIGINT, SIGTERM, SIGHUP, SIGUSR1, SIGUSR2];
     let handled = all.into_iter().filter(|signal| *signal != SIGHUP || !machine::ignores_signal(*signal));
     Signals::new(handled).map_err(|e| Failure::job(format!("signal handlers: {e}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_checkpoint_is_promised_for_jobs_that_keep_one() {
+        assert!(stopping(["design", "lens-optimize"]).ends_with("with a checkpoint"));
+        assert!(stopping(["lens-tolerance"]).contains("no checkpoint"));
+        assert!(stopping(["design", "lens-tolerance"]).contains("any other begins again"));
+    }
 }

@@ -11,6 +11,7 @@ use crate::units::sweep::{KeptSweep, State, SweepStatus, UnitStatus, log_of, sta
 use super::super::code::Code;
 use super::super::failure::Failure;
 use super::super::plain::{self, shown};
+use super::super::signals::stopping;
 
 /// How the units run.
 pub struct Options {
@@ -33,7 +34,7 @@ const LOOK: Duration = Duration::from_millis(200);
 /// Looks at the processes between two looks at the units.
 const LOOKS: u32 = 25;
 
-/// Runs the units. A signal is passed on to the processes, which end with their checkpoints.
+/// Runs the units. A signal is passed on to the processes, which end with their checkpoints where the job keeps any.
 pub fn run(kept: &KeptSweep, root: &Path, options: &Options, stop: &Cancel) -> Result<Code, Failure> {
     if !options.again.is_empty() {
         note_finished(&status(kept, root, &mut Seen::default(), &Cancel::default())?, options);
@@ -48,7 +49,7 @@ pub fn run(kept: &KeptSweep, root: &Path, options: &Options, stop: &Cancel) -> R
     while !running.is_empty() {
         if stop.is_set() && !is_passed_on {
             is_passed_on = true;
-            noteln!("stopping after the current step, with a checkpoint; the same command goes on");
+            noteln!("{}; the same command goes on", stopping([kept.job.as_str()]));
             running.iter().for_each(pass_on);
         }
         let mut left = Vec::new();

@@ -10,7 +10,7 @@ use crate::units::unit::{Shard, Unit, UnitFile, read_units, shard_of_environment
 
 use super::super::failure::Failure;
 use super::super::plain;
-use super::super::signals::stop_on_signal;
+use super::super::signals::stop_jobs_on_signal;
 use super::super::terminal::{Terminal, print_json};
 
 /// Run units of work that have no result yet, and keep the results in a store.
@@ -68,7 +68,8 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     // Before the folder of the file becomes that of the process.
     let root = std::path::absolute(&args.store)
         .map_err(|e| Failure::job(format!("{}: {e}", plain::shown(&args.store))))?;
-    let context = context(&args.file, terminal)?.with_cancellation(stop_on_signal()?);
+    let stop = stop_jobs_on_signal(units.iter().map(|unit| unit.call.job.as_str()))?;
+    let context = context(&args.file, terminal)?.with_cancellation(stop);
     let options = RunOptions { retries: args.retry, leaves_others: args.no_wait };
     let summary = run_all(&units, || Store::open_or_new(&root), &context, options);
     drop(context);
