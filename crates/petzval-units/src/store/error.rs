@@ -3,7 +3,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use petzval_jobs::JobError;
+use petzval_jobs::{Fault, JobError};
 
 /// The number of the error ESTALE: another machine has replaced the file between two requests to the server.
 const STALE: i32 = 116;
@@ -65,6 +65,12 @@ impl From<StoreError> for JobError {
             },
         }
     }
+}
+
+/// Whether an error of [`run_all`](super::run_all) is one of a disk or a file server alone: the same command goes on once it works again. One that is
+/// read-only is none: somebody has to name another store.
+pub fn may_pass(error: &JobError) -> bool {
+    error.fault() == Fault::Job && is_of_the_disk(&error.to_string())
 }
 
 /// Whether a message of a job is about a disk or a file server, not about the unit: running it again elsewhere or later may succeed.

@@ -44,7 +44,7 @@ use crate::unit::{Key, PROGRAM, Prepared, Unit};
 
 pub use attempt::{Attempt, Begun};
 pub use clock::{Clock, SystemClock};
-pub use error::StoreError;
+pub use error::{StoreError, may_pass};
 pub use gather::{Joined, gather_tolerances, parts_of};
 pub use layer::{Disk, FileLayer};
 pub use petzval_design::run::Holder;

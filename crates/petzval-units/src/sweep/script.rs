@@ -96,7 +96,7 @@ fn in_directive(path: &Path) -> String {
 }
 
 /// The array of Slurm. The shell stays: it passes on the signals of a preemption or of the end of the time, and puts a task back into the queue that
-/// has ended with a checkpoint, which is exit code 75. Slurm itself does not.
+/// has ended with a checkpoint, which is exit code 75, or for want of the store, which is 74. Slurm itself does not.
 fn slurm(of: &Submission) -> String {
     let Submission { name, tasks, threads, simd, time, options, .. } = of;
     let options: String = options.iter().map(|option| format!("#SBATCH {option}\n")).collect();
@@ -122,9 +122,10 @@ p=$!
 trap 'kill -TERM $p 2>/dev/null' USR1 USR2 TERM
 while kill -0 $p 2>/dev/null; do wait $p; done
 wait $p; rc=$?
-# 75: stopped after a checkpoint. Back into the queue, unless Slurm is ending the task itself: it was cancelled, or Slurm requeues it.
+# 75: stopped after a checkpoint; 74: the store is full or cannot be reached. Back into the queue, unless Slurm is ending the task itself: it was
+# cancelled, or Slurm requeues it.
 me="${{SLURM_ARRAY_JOB_ID}}_$SLURM_ARRAY_TASK_ID"
-if [ $rc = 75 ] && [ "$(squeue -h -j $me -o %T)" != COMPLETING ]; then trap - TERM; scontrol requeue $me; sleep 60; fi
+if {{ [ $rc = 75 ] || [ $rc = 74 ]; }} && [ "$(squeue -h -j $me -o %T)" != COMPLETING ]; then trap - TERM; scontrol requeue $me; sleep 60; fi
 exit $rc
 "#,
         simd = simd.variable()
@@ -223,6 +224,7 @@ mod tests {
                 && slurm.contains("trap 'kill -TERM $p 2>/dev/null' USR1 USR2 TERM")
         );
         assert!(!slurm.contains("exec "));
+        assert!(slurm.contains("if { [ $rc = 75 ] || [ $rc = 74 ]; } && ["), "{slurm}");
         assert!(slurm.contains("#SBATCH --output=\"/s/logs/%a.log\"\n"));
         let odd = Engine::Slurm.script(&Submission { store: "/st%j b\"4".into(), ..submission() });
         assert!(odd.contains("#SBATCH --output=\"/st%%j b\\\"4/logs/%a.log\"\n"), "{odd}");

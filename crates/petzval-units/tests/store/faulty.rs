@@ -8,7 +8,7 @@ use petzval_base::Cancel;
 use petzval_jobs::JobError;
 use petzval_units::store::{
     Attempt, Begun, Clock, Disk, FileLayer, Holder, Outcome, RunOptions, STALE_AFTER, Seen, Store,
-    StoreError, UnitState, run_all, run_unit,
+    StoreError, UnitState, may_pass, run_all, run_unit,
 };
 use petzval_units::unit::{Prepared, Unit};
 use serde_json::json;
@@ -99,6 +99,7 @@ fn names_the_fault(fault: Fault, error: &StoreError) {
         }),
         StoreError::Wrong { .. } => panic!("{text}"),
     };
+    assert_eq!(may_pass(&job), !matches!(fault, Fault::ReadOnly), "{job}");
     let report = job.report();
     assert!(report.message.contains(hint) || report.hint.contains(hint), "{report:?}");
 }

@@ -11,6 +11,8 @@ impl Code {
     pub const FAILURE: Self = Self(1);
     /// Bad usage or bad input.
     pub const INPUT: Self = Self(2);
+    /// The store of units is full or cannot be reached, and no unit is lost: the same command goes on (EX_IOERR of sysexits).
+    pub const STORE: Self = Self(74);
     /// A job was stopped by a signal and can go on: a checkpoint was written (EX_TEMPFAIL of sysexits).
     pub const STOPPED: Self = Self(75);
 

@@ -59,6 +59,11 @@ impl Failure {
         self.code
     }
 
+    /// The same with another exit code.
+    pub fn with_code(self, code: Code) -> Self {
+        Self { code, ..self }
+    }
+
     /// Prints the failure on stderr; returns its exit code.
     pub fn report(self) -> Code {
         output::styled_note(&format!("{:?}", self.report));

@@ -1,6 +1,6 @@
 //! The command line: one file per verb. Data goes to stdout, everything else to stderr; `output` writes both.
 //!
-//! Exit codes: 0 ok, 1 the job failed, 2 bad usage or bad input, 75 stopped by a signal after a checkpoint.
+//! Exit codes: 0 ok, 1 the job failed, 2 bad usage or bad input, 74 the store of units is full, 75 stopped by a signal after a checkpoint.
 
 // `out!`, `outln!` and `noteln!` of `output` are the only ways to write: the standard macros panic where nobody can read.
 #![deny(clippy::print_stdout, clippy::print_stderr)]

@@ -1,7 +1,7 @@
 //! Units on this machine: processes of `petzval unit run`, which take units until none is left.
 
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::Duration;
 
 use crate::base::{Cancel, pasted};
@@ -45,7 +45,7 @@ pub fn run(kept: &KeptSweep, root: &Path, options: &Options, stop: &Cancel) -> R
     }
     let (mut looks, mut is_passed_on, mut last) = (0, false, String::new());
     let mut seen = Seen::default();
-    let mut is_stopped = false;
+    let (mut is_stopped, mut lacks_store) = (false, false);
     while !running.is_empty() {
         if stop.is_set() && !is_passed_on {
             is_passed_on = true;
@@ -56,7 +56,10 @@ pub fn run(kept: &KeptSweep, root: &Path, options: &Options, stop: &Cancel) -> R
         for mut child in running {
             match child.try_wait().map_err(|e| Failure::job(format!("a process of the sweep: {e}")))? {
                 None => left.push(child),
-                Some(ended) => is_stopped |= ended.code() == Some(STOPPED),
+                Some(ended) => {
+                    is_stopped |= has_code(ended, Code::STOPPED);
+                    lacks_store |= has_code(ended, Code::STORE);
+                }
             }
         }
         running = left;
@@ -90,9 +93,16 @@ pub fn run(kept: &KeptSweep, root: &Path, options: &Options, stop: &Cancel) -> R
         Code::STOPPED
     } else if status.units.iter().filter(|unit| options.takes(unit)).all(|unit| unit.state == State::Done) {
         Code::SUCCESS
+    } else if lacks_store {
+        Code::STORE
     } else {
         Code::FAILURE
     })
+}
+
+/// Whether a process ended with a code of the command.
+fn has_code(ended: ExitStatus, code: Code) -> bool {
+    ended.code() == Some(i32::from(code.number()))
 }
 
 /// Says which of the named units are finished: nothing is run for them.
@@ -101,9 +111,6 @@ fn note_finished(status: &SweepStatus, options: &Options) {
         noteln!("{}", plain::message(&format!("{}: has a result already, which stays", unit.name)));
     }
 }
-
-/// Exit code of a process that was stopped by a signal.
-const STOPPED: i32 = 75;
 
 /// Starts a process. Where there are several, each writes to a file of its own.
 fn start(kept: &KeptSweep, root: &Path, options: &Options, place: usize) -> Result<Child, Failure> {

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use crate::base::counted;
 use crate::cli::code::Code;
-use crate::jobs::Context;
-use crate::units::store::{RunOptions, Store, Summary, run_all};
+use crate::jobs::{Context, JobError};
+use crate::units::store::{RunOptions, Store, Summary, may_pass, run_all};
 use crate::units::unit::{Shard, Unit, UnitFile, read_units, shard_of_environment, task_without_count};
 
 use super::super::failure::Failure;
@@ -25,8 +25,8 @@ use super::super::terminal::{Terminal, print_json};
 /// paths in a file of units start in its folder. The folder of results in a request is replaced by one in the store; where a call needs one, a
 /// unit may leave it out.
 ///
-/// Exit codes: 0 all units have a result, 1 some have failed, 2 the file or the store cannot be used, 75 stopped by a signal
-/// (INT, TERM, HUP, USR1, USR2): the same command goes on.
+/// Exit codes: 0 all units have a result, 1 some have failed, 2 the file or the store cannot be used, 74 the store is full or cannot be
+/// reached: once it works again, the same command goes on; 75 stopped by a signal (INT, TERM, HUP, USR1, USR2): the same command goes on.
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub struct Args {
@@ -73,7 +73,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let options = RunOptions { retries: args.retry, leaves_others: args.no_wait };
     let summary = run_all(&units, || Store::open_or_new(&root), &context, options);
     drop(context);
-    let summary = summary?;
+    let summary = summary.map_err(failure)?;
     if args.json {
         print_json(&summary)?;
     } else {
@@ -182,6 +182,13 @@ fn in_words(units: usize, summary: &Summary) -> String {
     text
 }
 
+/// The end of a run whose store or units cannot be used, or whose store does not work at the moment.
+fn failure(error: JobError) -> Failure {
+    let passes = may_pass(&error);
+    let failure = Failure::from(error);
+    if passes { failure.with_code(Code::STORE) } else { failure }
+}
+
 fn ending(summary: &Summary) -> Code {
     if summary.stopped.is_some() {
         Code::STOPPED
@@ -189,5 +196,25 @@ fn ending(summary: &Summary) -> Code {
         Code::SUCCESS
     } else {
         Code::FAILURE
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Error;
+
+    use crate::units::store::StoreError;
+
+    use super::*;
+
+    #[test]
+    fn a_full_store_is_no_failed_unit() {
+        // ENOSPC, EIO, EROFS.
+        for (number, code) in [(28, Code::STORE), (5, Code::STORE), (30, Code::INPUT)] {
+            let source = Error::from_raw_os_error(number);
+            let error = JobError::from(StoreError::Io { path: "/store".into(), source });
+            assert_eq!(failure(error).code(), code, "{number}");
+        }
+        assert_eq!(failure(JobError::failed("no light")).code(), Code::FAILURE);
     }
 }
