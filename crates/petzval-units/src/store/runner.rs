@@ -438,3 +438,44 @@ fn warn_of_a_jump(day: SystemTime, time: Instant, context: &Context) {
         );
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::{Mutex, PoisonError};
+
+    use petzval_jobs::{Event, Watcher, built_in_assets};
+
+    use super::*;
+
+    /// Keeps the texts of warnings.
+    #[derive(Default)]
+    struct Warnings(Mutex<Vec<String>>);
+
+    impl Watcher for Warnings {
+        fn event(&self, event: &Event) {
+            if let Event::Warning { text, .. } = event {
+                self.0.lock().unwrap_or_else(PoisonError::into_inner).push(text.clone());
+            }
+        }
+    }
+
+    /// The warnings after a unit that ends at once and began at this time of day.
+    fn warnings(began: SystemTime) -> Vec<String> {
+        let found = Arc::new(Warnings::default());
+        warn_of_a_jump(began, Instant::now(), &Context::new(built_in_assets(), found.clone()));
+        found.0.lock().unwrap().clone()
+    }
+
+    #[test]
+    fn a_clock_that_jumps_either_way_while_a_unit_runs_is_warned_of() {
+        let (now, jump) = (SystemTime::now(), Duration::from_secs(3600));
+        for (began, says) in [(now - jump, "jumped by 3600 s"), (now + jump, "jumped by -3600 s")] {
+            let said = warnings(began);
+            assert!(said.len() == 1 && said[0].contains(says), "{said:?}");
+        }
+        // A clock that is set right by a few seconds is none.
+        for began in [now, now - Duration::from_secs(10), now + Duration::from_secs(10)] {
+            assert_eq!(warnings(began), [""; 0]);
+        }
+    }
+}
