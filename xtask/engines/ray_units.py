@@ -1,10 +1,12 @@
 """Ray: units as tasks, with `petzval.ray`. The process of a task is killed; Ray starts it again, and it goes on from its checkpoint.
+Then the script that a sweep writes runs the same units in a store of its own.
 
-Called by `cargo xtask engines` with the file of units and the store.
+Called by `cargo xtask engines` with the file of units, the store and that script.
 """
 
 import os
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -13,7 +15,7 @@ from pathlib import Path
 import petzval.ray
 import ray
 
-UNITS, STORE = sys.argv[1:]
+UNITS, STORE, SCRIPT = sys.argv[1:]
 killed: list[int] = []
 
 
@@ -50,4 +52,8 @@ assert len({result.key for result in results}) == count
 again = petzval.ray.run_units(UNITS, store=STORE, num_cpus=1)
 assert [result.response for result in again] == [result.response for result in results]
 ray.shutdown()
-print(f"{count} units, one process of a task was killed")
+subprocess.run([sys.executable, SCRIPT], check=True)
+scripted = Path(SCRIPT).parent
+of_script = petzval.ray.results(scripted / "units.jsonl", store=scripted)
+assert [(r.name, r.response, r.error) for r in of_script] == [(r.name, r.response, r.error) for r in results]
+print(f"{count} units, one process of a task was killed; the script of a sweep gives the same")

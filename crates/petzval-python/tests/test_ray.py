@@ -3,6 +3,7 @@
 import hashlib
 import importlib
 import json
+import runpy
 import subprocess
 import sys
 import types
@@ -120,3 +121,31 @@ def test_an_edited_result_of_a_store_is_refused(ray: Any, tmp_path: Path) -> Non
     path.write_text(text.replace('"attempt": 1', '"attempt": 2'), encoding="utf-8")
     with pytest.raises(petzval.InputError, match="not what the unit wrote"):
         ray.results(units, store=store)
+
+
+def test_the_script_of_a_sweep_runs_every_unit(
+    ray: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # A cluster that does each task at once.
+    taken: list[dict[str, Any]] = []
+
+    def remote(function: Any) -> Any:
+        def options(**given: Any) -> Any:
+            taken.append(given)
+            return types.SimpleNamespace(remote=function)
+
+        return types.SimpleNamespace(options=options)
+
+    monkeypatch.setattr(ray.ray, "remote", remote, raising=False)
+    monkeypatch.setattr(ray.ray, "get", list, raising=False)
+    sweep, store = tmp_path / "rays.toml", tmp_path / "a store"
+    request = 'lens = "cooke-triplet-nominal"\nwavelength = 0.55\npupil = [0.0, 1.0]\n'
+    sweep.write_text(f'job = "lens-trace"\nthreads = 1\n[request]\n{request}[grid]\nfield = [0.0, 5.0, 10.0]\n')
+    words = ["sweep", str(sweep), "--store", str(store), "--tasks", "2"]
+    subprocess.run([sys.executable, "-m", "petzval", *words], check=True, capture_output=True)
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_path(str(store / "ray_sweep.py"))
+    assert ended.value.code == 0
+    assert capsys.readouterr().out == "3 units have a result\n"
+    assert len(list(store.glob("*/result.json"))) == 3
+    assert [options["num_cpus"] for options in taken] == [1]

@@ -18,24 +18,30 @@ const PATIENCE: Duration = Duration::from_secs(900);
 
 pub fn hyperqueue(tools: &Tools) -> Result<Ended, String> {
     with_script(tools, "hyperqueue", |units, store| {
-        vec![tools.petzval.clone(), units.file.clone(), store.into()]
+        Ok(vec![tools.petzval.clone(), units.file.clone(), store.into()])
     })
 }
 
 pub fn ray(tools: &Tools) -> Result<Ended, String> {
-    with_script(tools, "ray", |units, store| vec![units.file.clone(), store.into()])
+    with_script(tools, "ray", |units, store| {
+        let scripted = tools.folder.join("scripted");
+        let script = units.script(&tools.petzval, "ray_sweep.py", &scripted, &["--tasks", "2"])?;
+        Ok(vec![units.file.clone(), store.into(), script])
+    })
 }
 
 pub fn submitit(tools: &Tools) -> Result<Ended, String> {
     let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates/petzval-python/examples");
-    with_script(tools, "submitit", |units, store| vec![examples.clone(), units.file.clone(), store.into()])
+    with_script(tools, "submitit", |units, store| {
+        Ok(vec![examples.clone(), units.file.clone(), store.into()])
+    })
 }
 
 /// Runs the script of an engine, which may interrupt units but has to finish them, and compares the store.
 fn with_script(
     tools: &Tools,
     engine: &str,
-    words: impl Fn(&Units, &Path) -> Vec<PathBuf>,
+    words: impl Fn(&Units, &Path) -> Result<Vec<PathBuf>, String>,
 ) -> Result<Ended, String> {
     let python = match &tools.python {
         Some(python) => python.clone(),
@@ -50,12 +56,13 @@ fn with_script(
     }
     let units = Units::new(&tools.petzval, &tools.folder, UNITS, ROUNDS)?;
     let store = tools.folder.join("store");
+    let words = words(&units, &store)?;
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("engines/{engine}_units.py"));
     let log = tools.folder.join("script.log");
     let file = File::create(&log).map_err(|e| format!("{}: {e}", log.display()))?;
     let again = file.try_clone().map_err(|e| e.to_string())?;
     let mut command = Command::new(python);
-    command.arg(script).args(words(&units, &store)).current_dir(&tools.folder).stdout(again).stderr(file);
+    command.arg(script).args(words).current_dir(&tools.folder).stdout(again).stderr(file);
     let mut child = command.spawn().map_err(|e| format!("{command:?}: {e}"))?;
     let ended = until("the end of the script", PATIENCE, || {
         child.try_wait().map(|status| status.is_some()).map_err(|e| e.to_string())
