@@ -22,8 +22,19 @@ pub struct Tools {
     pub python: Option<PathBuf>,
     /// A folder of this part alone.
     pub folder: PathBuf,
-    /// Whether parts take the time that they would have in earnest.
-    pub long: bool,
+    /// How long parts take.
+    pub length: Length,
+}
+
+/// How long parts take that kill processes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Length {
+    /// A minute.
+    Short,
+    /// A quarter of an hour: as in earnest, with few units. `cargo xtask full` takes it.
+    Full,
+    /// Most of an hour on two cores.
+    Long,
 }
 
 /// A part by name.
@@ -40,15 +51,16 @@ pub static PARTS: [Part; 6] = [
 ];
 
 /// How the parts are called.
-pub const USAGE: &str = "cargo xtask engines [--long] [--petzval PROGRAM] [--python PYTHON] [PART]..., with parts workers, slurm, hyperqueue, ray, submitit, throughput";
+pub const USAGE: &str = "cargo xtask engines [--full | --long] [--petzval PROGRAM] [--python PYTHON] [PART]..., with parts workers, slurm, hyperqueue, ray, submitit, throughput";
 
 /// Runs the parts that the words name, or all.
 pub fn check(words: &[String]) -> Result<String, Vec<String>> {
-    let (mut petzval, mut python, mut long, mut named) = (None, None, false, Vec::new());
+    let (mut petzval, mut python, mut length, mut named) = (None, None, Length::Short, Vec::new());
     let mut words = words.iter();
     while let Some(word) = words.next() {
         match word.as_str() {
-            "--long" => long = true,
+            "--full" => length = Length::Full,
+            "--long" => length = Length::Long,
             "--petzval" => petzval = words.next().and_then(|path| std::path::absolute(path).ok()),
             "--python" => python = words.next().and_then(|path| std::path::absolute(path).ok()),
             name if PARTS.iter().any(|(part, _)| *part == name) => named.push(name),
@@ -61,7 +73,7 @@ pub fn check(words: &[String]) -> Result<String, Vec<String>> {
     for (name, run) in chosen {
         println!("== {name}");
         let line = match in_folder(name, |folder| {
-            run(&Tools { petzval: petzval.clone(), python: python.clone(), folder, long })
+            run(&Tools { petzval: petzval.clone(), python: python.clone(), folder, length })
         }) {
             Ok(Ended::Passed(seen)) => format!("passed   {name}: {seen}"),
             Ok(Ended::NotRun(why)) => format!("NOT RUN  {name}: {why}"),
@@ -79,7 +91,7 @@ pub fn check(words: &[String]) -> Result<String, Vec<String>> {
 /// Runs one part, as a part of `cargo xtask full`.
 pub fn run(part: &Part) -> Result<Ended, String> {
     let petzval = built()?;
-    in_folder(part.0, |folder| part.1(&Tools { petzval, python: None, folder, long: false }))
+    in_folder(part.0, |folder| part.1(&Tools { petzval, python: None, folder, length: Length::Full }))
 }
 
 /// Runs a part in a folder of its own. The folder of one that fails stays.

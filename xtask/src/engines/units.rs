@@ -27,13 +27,19 @@ struct Outcome {
 }
 
 impl Units {
-    /// Writes a sweep of `count` searches of `rounds` rounds each, and runs it in two processes.
+    /// Writes a sweep of `count` searches of `rounds` rounds each, and runs it in a process for each core, at least two.
     pub fn new(petzval: &Path, folder: &Path, count: usize, rounds: usize) -> Result<Self, String> {
         let sweep = folder.join("searches.toml");
         fs::write(&sweep, searches(count, rounds)).map_err(|e| format!("{}: {e}", sweep.display()))?;
         let store = folder.join("uninterrupted");
         let mut command = Command::new(petzval);
-        command.arg("sweep").arg(&sweep).arg("--store").arg(&store).args(["--submit", "here", "--jobs", "2"]);
+        let jobs = std::thread::available_parallelism().map_or(2, |cores| cores.get().max(2)).to_string();
+        command
+            .arg("sweep")
+            .arg(&sweep)
+            .arg("--store")
+            .arg(&store)
+            .args(["--submit", "here", "--jobs", &jobs]);
         succeeds(&mut command)?;
         let wanted = outcomes(&store)?;
         if wanted.len() != count {

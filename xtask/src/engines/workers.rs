@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use super::units::{Units, checkpoints, unit_run};
 use super::wait::until;
-use super::{Ended, Tools};
+use super::{Ended, Length, Tools};
 
 /// Processes on one store.
 const WORKERS: usize = 8;
@@ -23,8 +23,8 @@ const SIGNALS: [&str; 5] = ["INT", "TERM", "HUP", "USR1", "USR2"];
 const STOPPED: i32 = 75;
 
 pub fn run(tools: &Tools) -> Result<Ended, String> {
-    let (count, rounds, pace) =
-        if tools.long { (64, 60, Duration::from_secs(60)) } else { (24, 4, Duration::from_secs(2)) };
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let Plan { count, rounds, pace, named } = Plan::of(tools.length, cores);
     let units = Units::new(&tools.petzval, &tools.folder, count, rounds)?;
     let longest = SIGNALS
         .iter()
@@ -34,8 +34,11 @@ pub fn run(tools: &Tools) -> Result<Ended, String> {
         .max()
         .unwrap_or_default();
     let store = tools.folder.join("shared");
-    let named = tools.long && has_names();
+    let named = named && has_names();
     let killed = shared(tools, &units, &store, pace, named)?;
+    if killed == 0 {
+        return Err(format!("the units ended within {} s, before any process was killed", pace.as_secs()));
+    }
     units.compare(&store)?;
     let names = if named { "on machines of different names" } else { "on one machine" };
     Ok(Ended::Passed(format!(
@@ -43,6 +46,30 @@ pub fn run(tools: &Tools) -> Result<Ended, String> {
         longest.as_secs_f64(),
         SIGNALS.join(", ")
     )))
+}
+
+/// What the processes do, and how often one of them is killed.
+struct Plan {
+    /// Units.
+    count: usize,
+    /// Rounds of each; a round takes about half a second of a core.
+    rounds: usize,
+    /// Time between two kills.
+    pace: Duration,
+    /// Whether each process seems to be on a machine of its own. A unit whose process is killed then waits five minutes until its claim is stale.
+    named: bool,
+}
+
+impl Plan {
+    fn of(length: Length, cores: usize) -> Self {
+        let minute = Duration::from_secs(60);
+        match length {
+            Length::Short => Self { count: 24, rounds: 4, pace: Duration::from_secs(2), named: false },
+            // The work lasts two or three minutes, whatever the number of cores, so that some are killed in it.
+            Length::Full => Self { count: 12 * cores.min(WORKERS), rounds: 24, pace: minute, named: true },
+            Length::Long => Self { count: 64, rounds: 60, pace: minute, named: true },
+        }
+    }
 }
 
 /// Stops a run by a signal when it has a checkpoint, and lets it go on. Returns how long the process lived on.
@@ -142,4 +169,23 @@ fn has_names() -> bool {
 
 fn send(signal: &str, child: &Child) {
     let _ = Command::new("kill").args(["-s", signal, &child.id().to_string()]).status();
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn in_earnest_one_process_is_killed_each_minute_on_machines_of_other_names() {
+        for length in [Length::Full, Length::Long] {
+            let plan = Plan::of(length, 2);
+            assert!(plan.named && plan.pace == Duration::from_secs(60), "{length:?}");
+        }
+        // Two kills at least: half a second a round, on cores that all have work.
+        for cores in [1, 2, 4, 8, 64] {
+            let plan = Plan::of(Length::Full, cores);
+            let seconds = plan.count as f64 * plan.rounds as f64 * 0.5 / cores.min(WORKERS) as f64;
+            assert!((120.0..240.0).contains(&seconds), "{cores} cores: {seconds} s");
+        }
+    }
 }
