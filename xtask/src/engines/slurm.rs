@@ -61,6 +61,14 @@ fn preempted(tools: &Tools, units: &Units, folder: &Path, warned: bool) -> Resul
         }
     }
     units.compare(&store)?;
+    let log = store.join("logs/0.log");
+    let said = fs::read_to_string(&log).map_err(|e| format!("{}: {e}", log.display()))?;
+    println!("{said}");
+    for needle in ["with a checkpoint", "attempt 2", "going on from a checkpoint"] {
+        if !said.contains(needle) {
+            return Err(format!("the log of a preempted task does not say \"{needle}\":\n{said}"));
+        }
+    }
     cancelled(tools, units, &cluster, folder)?;
     Ok(began.elapsed().as_secs_f64())
 }

@@ -35,7 +35,8 @@ pub fn stop_jobs_on_signal<'j>(names: impl IntoIterator<Item = &'j str>) -> Resu
 }
 
 fn stop_saying(text: &'static str) -> Result<Cancel, Failure> {
-    first_signal(move || noteln!("{text}; a second Ctrl-C stops at once, without a checkpoint"))
+    let without_one = if text == WITH_CHECKPOINT { ", without one" } else { "" };
+    first_signal(move || noteln!("{text}; a second Ctrl-C stops at once{without_one}"))
 }
 
 /// What a signal does to jobs of these names, in words.
