@@ -34,8 +34,8 @@ use super::terminal::Terminal;
 ///   petzval sweep status sweeps/night-sweep           how its units stand.
 ///   petzval sweep gather sweeps/night-sweep           tables and page.
 ///
-/// Exit codes: 0 all units have a result or were handed over, 1 some have failed, 2 the file is wrong, 74 the store is full or cannot be
-/// reached, 75 stopped by a signal: after both the same command goes on.
+/// Exit codes: 0 all units have a result or were handed over, 1 some have failed, 2 the file is wrong. After two others the same command goes
+/// on: 74 the store is full or cannot be reached, 75 stopped by a signal.
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub struct Args {

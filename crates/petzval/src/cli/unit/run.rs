@@ -25,8 +25,8 @@ use super::super::terminal::{Terminal, print_json};
 /// paths in a file of units start in its folder. The folder of results in a request is replaced by one in the store; where a call needs one, a
 /// unit may leave it out.
 ///
-/// Exit codes: 0 all units have a result, 1 some have failed, 2 the file or the store cannot be used, 74 the store is full or cannot be
-/// reached: once it works again, the same command goes on; 75 stopped by a signal (INT, TERM, HUP, USR1, USR2): the same command goes on.
+/// Exit codes: 0 all units have a result, 1 some have failed, 2 the file or the store cannot be used. After two others the same command goes
+/// on: 74 the store is full or cannot be reached, 75 stopped by a signal (INT, TERM, HUP, USR1, USR2).
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub struct Args {
