@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 
+use petzval_base::{Cancel, Cancelled};
 use petzval_camera::image::LinearImage;
 use petzval_camera::sensor::CfaPattern;
 
@@ -25,6 +26,16 @@ fn light(row: usize, col: usize, at_col: f64) -> f32 {
 
 fn gaussian(frequency: f64) -> f64 {
     (-2.0 * (PI * SIGMA * frequency).powi(2)).exp()
+}
+
+/// The edges that are found in a channel.
+fn found_in(channel: &Channel) -> Vec<Region> {
+    find_edges(channel, &Cancel::default()).unwrap()
+}
+
+/// Why an edge is missed in a channel.
+fn missed_in(channel: &Channel) -> Option<Missed> {
+    missed_edge(channel, &Cancel::default()).unwrap()
 }
 
 #[test]
@@ -76,7 +87,7 @@ fn edges_are_found_where_they_are() {
     let picture = LinearImage { channels: 3, height: SIDE, width: SIDE, data: values.repeat(3) };
     let channels = picture_channels(&picture);
     assert_eq!(channels.len(), 1, "equal planes are one channel");
-    let found = find_edges(&channels[0]);
+    let found = found_in(&channels[0]);
     // Three windows and more fit one above the other on either side of the bar.
     assert!(found.len() >= 6, "{found:?}");
     for region in &found {
@@ -111,9 +122,9 @@ fn alone(deg: f64, most: f32) -> Channel {
 fn an_edge_that_is_not_found_has_its_reason() {
     for deg in [1.0, 2.0, 30.0, 45.0] {
         let channel = alone(deg, 1.0);
-        assert_eq!(find_edges(&channel), [], "{deg}");
-        let Some(Missed::Angle { region, deg: found }) = missed_edge(&channel) else {
-            panic!("{deg}: {:?}", missed_edge(&channel))
+        assert_eq!(found_in(&channel), [], "{deg}");
+        let Some(Missed::Angle { region, deg: found }) = missed_in(&channel) else {
+            panic!("{deg}: {:?}", missed_in(&channel))
         };
         assert!((found - deg).abs() < 0.1, "{deg}: {found}");
         // The region that is named can be measured.
@@ -121,12 +132,12 @@ fn an_edge_that_is_not_found_has_its_reason() {
         assert!((mtf.mtf_at_half_nyquist - gaussian(0.25)).abs() < 0.02, "{deg}: {region}");
     }
     let clipped = alone(5.0, 0.67);
-    assert_eq!(find_edges(&clipped), []);
-    let missed = missed_edge(&clipped);
+    assert_eq!(found_in(&clipped), []);
+    let missed = missed_in(&clipped);
     let is_bright = |error: &SfrError| matches!(error, SfrError::Clipped { side: Side::Bright, .. });
     assert!(matches!(&missed, Some(Missed::NoResponse { error, .. }) if is_bright(error)), "{missed:?}");
     // An edge along the columns is sampled once a pixel.
-    let upright = missed_edge(&alone(0.0, 1.0));
+    let upright = missed_in(&alone(0.0, 1.0));
     let is_coarse = |error: &SfrError| matches!(error, SfrError::Angle { .. });
     assert!(matches!(&upright, Some(Missed::NoResponse { error, .. }) if is_coarse(error)), "{upright:?}");
 }
@@ -168,10 +179,10 @@ fn a_sharp_edge_at_45_degrees_is_too_coarse_for_the_colours_of_a_mosaic() {
 fn a_picture_without_an_edge_has_no_region() {
     let texture: Vec<f32> = (0..120 * 120).map(|i| ((i * 7919) % 101) as f32).collect();
     let channels = raw_channels(&texture, 120, CfaPattern::MONO).unwrap();
-    assert_eq!(find_edges(&channels[0]), []);
-    assert_eq!(missed_edge(&channels[0]), None);
+    assert_eq!(found_in(&channels[0]), []);
+    assert_eq!(missed_in(&channels[0]), None);
     let tiny = raw_channels(&texture[..9], 3, CfaPattern::MONO).unwrap();
-    assert_eq!((find_edges(&tiny[0]), missed_edge(&tiny[0])), (vec![], None));
+    assert_eq!((found_in(&tiny[0]), missed_in(&tiny[0])), (vec![], None));
 }
 
 #[test]
@@ -183,4 +194,13 @@ fn regions_are_read_and_checked() {
     let region = Region { row: 10, col: 20, height: 30, width: 40 };
     assert!(region.is_inside(40, 60) && !region.is_inside(39, 60) && !region.is_inside(40, 59));
     assert!(!Region { row: usize::MAX, ..region }.is_inside(40, 60));
+}
+
+#[test]
+fn a_search_that_is_cancelled_ends_before_its_next_window() {
+    let cancel = Cancel::default();
+    cancel.set();
+    let channel = alone(5.0, 1.0);
+    assert_eq!(find_edges(&channel, &cancel), Err(Cancelled));
+    assert_eq!(missed_edge(&channel, &cancel), Err(Cancelled));
 }

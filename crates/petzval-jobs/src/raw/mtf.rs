@@ -118,6 +118,9 @@ struct Frame {
 /// The ends in words, where they are stated.
 const ENDS: [&str; 2] = ["the least value", "the white level"];
 
+/// How a cancelled job ends.
+const STOPPED: &str = "stopped before its edges were measured";
+
 /// Share of pixels at an end from which there is a warning.
 const CLIPPED_SHARE: f64 = 0.005;
 
@@ -184,7 +187,7 @@ fn measured_edges(request: &Request, name: &str, frame: &Frame, context: &Contex
         }
     }
     let edges = if request.regions.is_empty() {
-        found(name, frame)?
+        found(name, frame, context)?
     } else {
         let each = request.regions.iter().map(|region| measured(region, frame, context));
         each.collect::<Result<Vec<_>, _>>()?
@@ -327,6 +330,7 @@ fn binned(cfa: CfaPattern) -> Option<(usize, CfaPattern)> {
 fn measured(region: &Region, frame: &Frame, context: &Context) -> Result<Edge> {
     let (mut channels, mut failures) = (Vec::new(), Vec::new());
     for channel in &frame.channels {
+        context.check(|| STOPPED)?;
         match edge_mtf(channel, region) {
             Ok(mtf) => channels.push(mtf),
             Err(error) => failures.push(format!("{}: {error}", channel.name)),
@@ -347,25 +351,31 @@ fn measured(region: &Region, frame: &Frame, context: &Context) -> Result<Edge> {
 }
 
 /// The edges that are found in the channel with the most light: green, or the first. A channel in which one of them has no response is left out there.
-fn found(name: &str, frame: &Frame) -> Result<Vec<Edge>> {
+fn found(name: &str, frame: &Frame, context: &Context) -> Result<Vec<Edge>> {
     let green = frame.channels.iter().find(|channel| channel.pitch > 1 && channel.name == "green");
     let channel = green.or(frame.channels.first());
-    let searched = channel.map(find_edges).unwrap_or_default();
-    let edges: Vec<Edge> = searched
-        .into_iter()
-        .map(|region| Edge {
-            region,
-            channels: frame.channels.iter().filter_map(|channel| edge_mtf(channel, &region).ok()).collect(),
-        })
-        .filter(|edge| !edge.channels.is_empty())
-        .collect();
-    if edges.is_empty() { Err(none_found(name, channel)) } else { Ok(edges) }
+    let searched = channel.map(|channel| find_edges(channel, context.cancel())).transpose();
+    let searched = searched.map_err(|_| context.stopped(STOPPED))?.unwrap_or_default();
+    let mut edges = Vec::new();
+    for region in searched {
+        let mut channels = Vec::new();
+        for channel in &frame.channels {
+            context.check(|| STOPPED)?;
+            channels.extend(edge_mtf(channel, &region).ok());
+        }
+        if !channels.is_empty() {
+            edges.push(Edge { region, channels });
+        }
+    }
+    if edges.is_empty() { Err(none_found(name, channel, context)) } else { Ok(edges) }
 }
 
 /// Why no edge was found in a channel.
-fn none_found(name: &str, channel: Option<&Channel>) -> JobError {
+fn none_found(name: &str, channel: Option<&Channel>, context: &Context) -> JobError {
     let (least, largest) = SEARCHED_DEG.into_inner();
-    match channel.and_then(missed_edge) {
+    let missed = channel.map(|channel| missed_edge(channel, context.cancel())).transpose();
+    let Ok(missed) = missed else { return context.stopped(STOPPED).into() };
+    match missed.flatten() {
         Some(Missed::Angle { region, deg }) => JobError::input(
             format!(
                 "{name}: no slanted edge was found: they are searched from {least:.0} to {largest:.0} degrees off the rows or columns, and the \
@@ -540,6 +550,21 @@ mod tests {
         let request = Request { regions: vec![region], ..Request::default() };
         edges(&request, "edge", Pixels::Raw(frame), &context).unwrap();
         lines.0.lock().unwrap().join("\n")
+    }
+
+    #[test]
+    fn a_cancelled_search_ends_as_stopped_with_and_without_regions() {
+        let context = Context::new(crate::built_in_assets(), Arc::new(Lines::default()));
+        context.cancel().set();
+        let frame = edge(65_535.0, None);
+        for regions in [vec![], vec![Region { row: 0, col: 0, height: SIDE, width: SIDE }]] {
+            let request = Request { regions, ..Request::default() };
+            let outcome = edges(&request, "edge", Pixels::Raw(&frame), &context);
+            assert!(matches!(outcome, Err(JobError::Stopped(_))), "{outcome:?}");
+        }
+        let flat = RawFrame { dn: vec![500; SIDE * SIDE], ..frame };
+        let outcome = edges(&Request::default(), "flat", Pixels::Raw(&flat), &context);
+        assert!(matches!(outcome, Err(JobError::Stopped(_))), "{outcome:?}");
     }
 
     #[test]

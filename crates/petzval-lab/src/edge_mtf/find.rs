@@ -1,5 +1,6 @@
 //! Finds slanted edges in a frame: square windows that one straight edge explains.
 
+use petzval_base::{Cancel, Cancelled};
 use petzval_camera::render::{Placement, Window};
 use rayon::prelude::*;
 
@@ -34,9 +35,9 @@ const LEAST_HALF: f64 = 12.0;
 const AT_A_TIME: usize = 16;
 
 /// Regions of slanted edges that do not overlap, in the order of the frame, found in the first plane of a channel. Of overlapping windows
-/// the one counts whose edge is nearest its middle.
-pub fn find_edges(channel: &Channel) -> Vec<Region> {
-    let Some(plane) = channel.planes.first() else { return Vec::new() };
+/// the one counts whose edge is nearest its middle. Ends with [`Cancelled`] before the next window once `cancel` is set.
+pub fn find_edges(channel: &Channel, cancel: &Cancel) -> Result<Vec<Region>, Cancelled> {
+    let Some(plane) = channel.planes.first() else { return Ok(Vec::new()) };
     let steps = |whole: usize| (0..(whole + 1).saturating_sub(SIDE)).step_by(STEP);
     let [height, width] = plane.size();
     let windows: Vec<Window> = steps(height)
@@ -44,14 +45,14 @@ pub fn find_edges(channel: &Channel) -> Vec<Region> {
         .map(|placement| Window { placement, height: SIDE, width: SIDE })
         .collect();
     // A quick look leaves few windows to be measured, those with an edge near their middle first.
-    let mut likely: Vec<(f64, Window)> = windows
-        .into_par_iter()
-        .filter_map(|window| {
-            let values = plane.as_plane();
-            let nearest = may_be_edge(&values, &window, &SEARCHED_DEG, LEAST_HALF, LARGEST_ROUGHNESS_PX)?;
-            Some((nearest, window))
-        })
-        .collect();
+    let look = |window: Window| -> Result<Option<(f64, Window)>, Cancelled> {
+        cancel.check()?;
+        let values = plane.as_plane();
+        let nearest = may_be_edge(&values, &window, &SEARCHED_DEG, LEAST_HALF, LARGEST_ROUGHNESS_PX);
+        Ok(nearest.map(|nearest| (nearest, window)))
+    };
+    let likely = windows.into_par_iter().filter_map(|window| look(window).transpose());
+    let mut likely: Vec<(f64, Window)> = likely.collect::<Result<_, Cancelled>>()?;
     likely.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut kept: Vec<Region> = Vec::new();
     let is_free = |kept: &[Region], region: &Region| kept.iter().all(|other| !other.overlaps(region));
@@ -59,18 +60,20 @@ pub fn find_edges(channel: &Channel) -> Vec<Region> {
     while kept.len() < MOST && left.peek().is_some() {
         let free = left.by_ref().filter(|window| is_free(&kept, &plane.region(window, channel.pitch)));
         let some: Vec<Window> = free.take(AT_A_TIME).collect();
-        let clean = some
-            .par_iter()
-            .filter(|window| slanted_edge(&plane.as_plane(), window).is_ok_and(|edge| is_clean(&edge)));
-        let clean: Vec<Region> = clean.map(|window| plane.region(window, channel.pitch)).collect();
-        for region in clean {
+        let measure = |window: &Window| -> Result<Option<Region>, Cancelled> {
+            cancel.check()?;
+            let is_clean = slanted_edge(&plane.as_plane(), window).is_ok_and(|edge| is_clean(&edge));
+            Ok(is_clean.then(|| plane.region(window, channel.pitch)))
+        };
+        let clean = some.par_iter().filter_map(|window| measure(window).transpose());
+        for region in clean.collect::<Result<Vec<Region>, Cancelled>>()? {
             if kept.len() < MOST && is_free(&kept, &region) {
                 kept.push(region);
             }
         }
     }
     kept.sort_by_key(|region| (region.row, region.col));
-    kept
+    Ok(kept)
 }
 
 /// Step of the windows in which a missed edge is looked for, and how many of them are measured.
@@ -96,9 +99,10 @@ pub enum Missed {
     },
 }
 
-/// Why an edge is missed, of the windows with the most contrast in the first plane of a channel; `None` if none of them holds an edge.
-pub fn missed_edge(channel: &Channel) -> Option<Missed> {
-    let plane = channel.planes.first()?;
+/// Why an edge is missed, of the windows with the most contrast in the first plane of a channel; `None` if none of them holds an edge. Ends with
+/// [`Cancelled`] before the next window once `cancel` is set.
+pub fn missed_edge(channel: &Channel, cancel: &Cancel) -> Result<Option<Missed>, Cancelled> {
+    let Some(plane) = channel.planes.first() else { return Ok(None) };
     let values = plane.as_plane();
     let [height, width] = plane.size();
     let steps = |whole: usize| (0..(whole + 1).saturating_sub(SIDE)).step_by(MISSED_STEP);
@@ -109,10 +113,11 @@ pub fn missed_edge(channel: &Channel) -> Option<Missed> {
         };
         of(2) - of(1).powi(2)
     };
-    let mut windows: Vec<(f64, Placement)> = steps(height)
-        .flat_map(|row| steps(width).map(move |col| (row, col)))
-        .map(|(row, col)| (variance(row, col), Placement { row, col }))
-        .collect();
+    let mut windows: Vec<(f64, Placement)> = Vec::new();
+    for row in steps(height) {
+        cancel.check()?;
+        windows.extend(steps(width).map(|col| (variance(row, col), Placement { row, col })));
+    }
     windows.sort_by(|a, b| b.0.total_cmp(&a.0));
     let reason = |(_, placement): &(f64, Placement)| {
         let window = Window { placement: *placement, height: SIDE, width: SIDE };
@@ -131,7 +136,13 @@ pub fn missed_edge(channel: &Channel) -> Option<Missed> {
             Err(_) => None,
         }
     };
-    windows.iter().take(MISSED).find_map(reason)
+    for window in windows.iter().take(MISSED) {
+        cancel.check()?;
+        if let Some(missed) = reason(window) {
+            return Ok(Some(missed));
+        }
+    }
+    Ok(None)
 }
 
 /// Whether a window holds one straight edge between two even sides.
