@@ -116,6 +116,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         pasted(&out.join(EXPERIMENT)),
         commented_toml(&experiment)?
     );
+    context.check(|| "stopped before the files were written")?;
     std::fs::create_dir_all(out).map_err(DesignError::io(out))?;
     let path = |name: &str| out.join(name);
     for (name, text) in [(LENS, &lens_text), (SENSOR, &sensor_text), (EXPERIMENT, &text)] {

@@ -18,7 +18,8 @@ use crate::task::enlarged_by;
 /// Memory of `simulate` for each pixel of a whole frame, bytes, measured.
 const FRAME_BYTES_A_PIXEL: f64 = 150.0;
 
-/// What to say of an experiment before its first run, one line each.
+/// What to say of an experiment before its first run, one line each. Ends with [`DesignError::Stopped`] before the next photograph once the flag of
+/// `assets` is set.
 pub fn demands(
     experiment: &Experiment,
     pictures: PicturesKey,
@@ -45,6 +46,7 @@ fn enlarged_photos(sensor: &SensorModel, assets: &Assets) -> Result<Option<Strin
         .map_err(|e| DesignError::input(&list.path)(FileError::from_toml(&list.text, &e)))?;
     let mut factors = Vec::new();
     for Photo { file } in list.values().flatten() {
+        assets.cancel().check()?;
         let picture = load_image_bytes(assets.bytes(&format!("photos/{file}"))?, file)?.light;
         factors.push(enlarged_by(sensor, (picture.height, picture.width)));
     }

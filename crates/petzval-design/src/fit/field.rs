@@ -1,5 +1,6 @@
 //! How far from the axis a lens makes an image.
 
+use petzval_base::{Cancel, Cancelled};
 use petzval_files::with_open_surfaces;
 use petzval_optics::lens::Lens;
 use petzval_optics::paraxial::first_order;
@@ -33,22 +34,24 @@ pub(super) struct Reach {
     pub circle_mm: f64,
 }
 
-/// The image of a lens up to the outermost field of its file; `None` if none has light.
-pub(super) fn reach(lens: &Lens) -> Option<Reach> {
+/// The image of a lens up to the outermost field of its file; `None` if none has light. Ends with [`Cancelled`] before the next field once `cancel` is
+/// set.
+pub(super) fn reach(lens: &Lens, cancel: &Cancel) -> Result<Option<Reach>, Cancelled> {
     let stated_deg = lens.outermost_field_deg();
     for k in 0..SHARES {
+        cancel.check()?;
         let field_deg = stated_deg * (1.0 - k as f64 / SHARES as f64);
         let shares = [0.0, 0.5, 0.7, 0.85, 1.0];
         let fields = shares.map(|share| (share * field_deg).to_radians());
         let focused = focus::roughly(lens, &fields);
         if let Some(circle_mm) = lit_mm(&focused, field_deg.to_radians()) {
-            return Some(Reach { lens: focused, field_deg, stated_deg, circle_mm });
+            return Ok(Some(Reach { lens: focused, field_deg, stated_deg, circle_mm }));
         }
         if stated_deg == 0.0 {
-            return None;
+            return Ok(None);
         }
     }
-    None
+    Ok(None)
 }
 
 /// The radius at which a field is imaged, mm, if light arrives there.

@@ -1,5 +1,6 @@
 //! The grid of the PSFs: fine enough for the pixels, and large enough for the light of the lens.
 
+use petzval_base::Cancel;
 use petzval_camera::sensor::SensorModel;
 use petzval_optics::lens::Lens;
 use petzval_optics::wave::NoWaves;
@@ -30,8 +31,14 @@ const TRIED: [(usize, f64); 7] = [(1, 1.0), (1, 1.5), (1, 2.0), (2, 1.5), (2, 2.
 const PITCH_UM: [f64; 2] = [0.05, 50.0];
 const MOST_CELLS: usize = 1024;
 
-/// Sets grid and pitch to the smallest that hold the light of a lens on a sensor; returns what to say of another grid.
-pub(super) fn fit(psf: &mut PsfConfig, sensor: &SensorModel, lens: &Lens) -> Result<Option<String>> {
+/// Sets grid and pitch to the smallest that hold the light of a lens on a sensor; returns what to say of another grid. Ends with
+/// [`DesignError::Stopped`](crate::error::DesignError::Stopped) before the next field once `cancel` is set.
+pub(super) fn fit(
+    psf: &mut PsfConfig,
+    sensor: &SensorModel,
+    lens: &Lens,
+    cancel: &Cancel,
+) -> Result<Option<String>> {
     let before = (psf.grid, psf.pitch_um);
     let of_pixel = sensor.pixel_um / CELLS_A_PIXEL;
     // The pitch of the experiment does for pixels like those of the built-in ones.
@@ -43,8 +50,9 @@ pub(super) fn fit(psf: &mut PsfConfig, sensor: &SensorModel, lens: &Lens) -> Res
         let pitch_um = (finest_um * size).min(COARSEST * sensor.pixel_um).clamp(PITCH_UM[0], PITCH_UM[1]);
         let pitch_um = without_noise(pitch_um);
         let grid = (before.0 * cells).min(MOST_CELLS);
-        let held = match share_held(&PsfConfig { grid, pitch_um, ..psf.clone() }, sensor, lens) {
+        let held = match share_held(&PsfConfig { grid, pitch_um, ..psf.clone() }, sensor, lens, cancel) {
             Ok((held, _)) => held,
+            Err(stopped) if stopped.is_stopped() => return Err(stopped),
             // No light of some field lies on this grid.
             Err(problem) => {
                 error = Some(problem);
@@ -75,14 +83,19 @@ pub(super) fn fit(psf: &mut PsfConfig, sensor: &SensorModel, lens: &Lens) -> Res
 }
 
 /// Least share of the light of a lens, over fields and colours, that a grid holds, and the field of it, rad.
-fn share_held(psf: &PsfConfig, sensor: &SensorModel, lens: &Lens) -> Result<(f64, f64)> {
+fn share_held(psf: &PsfConfig, sensor: &SensorModel, lens: &Lens, cancel: &Cancel) -> Result<(f64, f64)> {
     let tried = PsfConfig { fields: FIELDS, ..psf.clone() };
-    Ok(tried.plan(sensor, CELLS)?.trace(lens)?.least_captured())
+    Ok(tried.plan(sensor, CELLS)?.trace_unless(cancel, lens)?.least_captured())
 }
 
 /// What to say of a grid, once nothing changes it any more, that holds too little of the light of a lens.
-pub(super) fn lost_light(psf: &PsfConfig, sensor: &SensorModel, lens: &Lens) -> Result<Option<String>> {
-    let (held, field_rad) = share_held(psf, sensor, lens)?;
+pub(super) fn lost_light(
+    psf: &PsfConfig,
+    sensor: &SensorModel,
+    lens: &Lens,
+    cancel: &Cancel,
+) -> Result<Option<String>> {
+    let (held, field_rad) = share_held(psf, sensor, lens, cancel)?;
     let lost = psf.lost_light(held, Some(field_rad.to_degrees()));
     let why = if held < LEAST_IMAGE {
         "the lens is far from an image there"
@@ -97,8 +110,9 @@ pub(super) fn rays_or_waves(
     psf: &mut PsfConfig,
     sensor: &SensorModel,
     lens: &Lens,
+    cancel: &Cancel,
 ) -> Result<Option<String>> {
-    let by_rays = psf.plan(sensor, CELLS)?.trace(lens)?.by_rays();
+    let by_rays = psf.plan(sensor, CELLS)?.trace_unless(cancel, lens)?.by_rays();
     let rough = psf.rough_fields(by_rays, NoWaves::of(lens));
     if rough.is_some() {
         psf.kind = PsfsBy::Geometric;

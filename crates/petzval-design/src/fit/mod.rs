@@ -71,9 +71,11 @@ const VISIBLE_UM: std::ops::RangeInclusive<f64> = 0.38..=0.78;
 /// Least relative distance between the wavelengths of two colours.
 const APART: f64 = 0.01;
 
-/// Fits an experiment to a lens. Refuses a lens that makes no picture on a sensor.
+/// Fits an experiment to a lens. Refuses a lens that makes no picture on a sensor. Ends with [`DesignError::Stopped`] at the next field once the flag
+/// of `assets` is set.
 pub fn fit(of: FitOf, assets: &Assets) -> Result<Fitted> {
     let FitOf { mut experiment, lens: Import { file: mut own, .. }, lens_name, sensor, pictures } = of;
+    let cancel = assets.cancel();
     let refuse = |message: &str, hint: &str| DesignError::misfit(Path::new(lens_name), &message, hint);
     check_forms_an_image(&own.lens).map_err(|(message, hint)| refuse(message, hint))?;
     let (mut notes, mut warnings) = (Vec::new(), Vec::new());
@@ -95,7 +97,7 @@ pub fn fit(of: FitOf, assets: &Assets) -> Result<Fitted> {
     let in_colours = |lens: &Lens| Lens { wavelengths_um: colours_um.clone(), ..lens.clone() };
 
     // Focus over the fields of the file, to see how large its image is.
-    let reach = field::reach(&in_colours(&own.lens)).ok_or_else(|| {
+    let reach = field::reach(&in_colours(&own.lens), cancel)?.ok_or_else(|| {
         refuse(
             "no ray of any field reaches an image",
             "`petzval lens show` names the surface at which they are lost",
@@ -123,6 +125,7 @@ pub fn fit(of: FitOf, assets: &Assets) -> Result<Fitted> {
     let roughly = in_corner(&reach, &own.lens)?.lens;
 
     // Focus for the sensor.
+    cancel.check()?;
     let fields = field::of_equal_area(&in_colours(&reach.focused(&roughly)), corner_mm);
     let focused = focus::best(&in_colours(&roughly), &reach.lens, &fields).ok_or_else(|| {
         refuse("no ray of some field of the sensor reaches the image", "name a smaller sensor")
@@ -145,10 +148,11 @@ pub fn fit(of: FitOf, assets: &Assets) -> Result<Fitted> {
     // A lens that moves keeps what it has: requirements beyond it would be violated from the start.
     notes.extend(limits::fit(&mut experiment.constraints, &own.lens));
 
-    notes.extend(grid::fit(&mut experiment.psf, &picked.model, &in_colours(&own.lens))?);
-    notes.extend(grid::rays_or_waves(&mut experiment.psf, &picked.model, &in_colours(&own.lens))?);
+    let in_colours = in_colours(&own.lens);
+    notes.extend(grid::fit(&mut experiment.psf, &picked.model, &in_colours, cancel)?);
+    notes.extend(grid::rays_or_waves(&mut experiment.psf, &picked.model, &in_colours, cancel)?);
     notes.extend(windows::fit(&mut experiment, pictures, &picked.model)?);
-    warnings.extend(grid::lost_light(&experiment.psf, &picked.model, &in_colours(&own.lens))?);
+    warnings.extend(grid::lost_light(&experiment.psf, &picked.model, &in_colours, cancel)?);
     notes.extend(sensor::fit_exposure(&mut experiment.exposure, &picked));
 
     let usual = if own.variables.is_empty() { near_variables(&own.lens, &own.solves()) } else { None };

@@ -398,6 +398,11 @@ impl PsfPlan {
 
     /// PSFs of every field with their tapes; fields in parallel, each in a fixed order.
     pub fn trace(&self, lens: &Lens) -> Result<BankWithTape> {
+        self.trace_unless(&Cancel::default(), lens)
+    }
+
+    /// As [`trace`](Self::trace), for many fields: fails with [`DesignError::Stopped`] before the next field once it is cancelled.
+    pub fn trace_unless(&self, cancel: &Cancel, lens: &Lens) -> Result<BankWithTape> {
         if !lens.is_rotationally_symmetric() {
             return Err(DesignError::NotSymmetric(lens.name.clone()));
         }
@@ -405,8 +410,11 @@ impl PsfPlan {
         let traced: Vec<(FieldPsf, Option<PsfTape>)> = angles
             .par_iter()
             .enumerate()
-            .map(|(i, field)| self.psf(lens, i, *field))
-            .collect::<Result<_, _>>()?;
+            .map(|(i, field)| {
+                cancel.check()?;
+                self.psf(lens, i, *field)
+            })
+            .collect::<Result<_>>()?;
         let mut bank = PsfBank {
             field_radius_mm: match self.held_fields_rad {
                 Some(_) => traced.iter().map(|(psf, _)| psf.chief_y_mm).collect(),

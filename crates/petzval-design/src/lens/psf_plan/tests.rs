@@ -35,6 +35,15 @@ fn fields_are_those_which_the_lens_images_at_the_radii_from_any_distance() {
     }
 }
 
+#[test]
+fn tracing_that_is_cancelled_ends_before_the_next_field() {
+    let nominal = assets().lens("cooke-triplet-nominal").unwrap().lens;
+    let cancel = Cancel::default();
+    cancel.set();
+    let traced = by_waves(RoughFields::ByRays).trace_unless(&cancel, &nominal);
+    assert!(traced.is_err_and(|error| error.is_stopped()));
+}
+
 fn assets() -> Assets {
     Assets::from_folder(&std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../petzval-data/data"))
         .unwrap()

@@ -131,6 +131,18 @@ fn colours_of_a_lens_for_the_near_infrared_are_round() {
     assert!(fitted_in(&[0.85]).1.contains("made for 0.85 um:"));
 }
 
+#[test]
+fn a_fit_that_is_cancelled_ends_before_the_next_field() {
+    let cancel = Cancel::default();
+    let assets = library().stopped_by(cancel.clone());
+    let experiment = assets.experiment("cooke-triplet-image-quality").unwrap();
+    let pictures = assets.facts_of(&experiment).unwrap().pictures;
+    let lens = assets.reported("cooke-triplet-nominal").unwrap();
+    let of = FitOf { experiment, lens, lens_name: "triplet", sensor: None, pictures };
+    cancel.set();
+    assert!(fit(of, &assets).is_err_and(|error| error.is_stopped()));
+}
+
 /// The built-in photographs hold no blur of 1 mm: the grid that is written is narrower than the one that was found, and what is said of its light
 /// is measured on it.
 #[test]
