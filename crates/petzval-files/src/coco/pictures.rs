@@ -31,7 +31,7 @@ const NOTED_AGAIN: [DefectKind; 3] =
 ///
 /// All threads together take at most 2 GB of memory for files and decoded pictures.
 ///
-/// `watch` is called with the number of pictures that are decoded, and its error ends the check; the data set is of no use then.
+/// `watch` is called with the number of pictures that are decoded, 0 before each head, and its error ends the check; the data set is of no use then.
 pub fn check_pictures(
     loaded: &mut Loaded,
     watch: &(dyn Fn(usize) -> Result<(), Cancelled> + Sync),

@@ -1,16 +1,20 @@
 //! The size of a picture file and the memory that it takes, before its pixels are light.
 
-use std::io::{BufRead, BufReader, Cursor, Seek, SeekFrom};
+use std::io::{BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use ::image::codecs::hdr::HdrDecoder;
-use ::image::{DynamicImage, ImageFormat};
+use ::image::codecs::jpeg::JpegDecoder;
+use ::image::{DynamicImage, ImageFormat, ImageResult};
 
 use super::cut_off::{CUT_OFF, is_cut_off};
 use super::error::{ImageError, NO_FORMAT, undecoded};
 use super::head::{OLD_HDR, PictureHead};
 use super::open::{decoder_of, format_of, reader_of};
 use super::{Transparent, exr_file, load_image_bytes, statements};
+
+/// Bytes of a JPEG in which its head usually ends.
+const JPEG_HEAD_BYTES: u64 = 1 << 16;
 
 /// Columns and rows of a picture as [`load_image`](super::load_image) reads it, the right way up. Pixels are not decoded.
 pub fn picture_size(path: &Path) -> Result<(u32, u32), ImageError> {
@@ -75,9 +79,25 @@ pub(crate) fn head_of<R: BufRead + Seek>(
             let mut decoder = HdrDecoder::with_strictness(source, !is_old).map_err(undecodable)?;
             Ok(PictureHead::of(&mut decoder, Some(ImageFormat::Hdr), file_bytes))
         }
+        Some(ImageFormat::Jpeg) => jpeg_head(reader.into_inner(), file_bytes).map_err(undecodable),
         Some(_) => {
             let mut decoder = decoder_of(reader).map_err(undecodable)?;
             Ok(PictureHead::of(&mut decoder, format, file_bytes))
+        }
+    }
+}
+
+/// The head of a JPEG of so many encoded bytes, which `source` gives from the first on. Its decoder reads all that it gets: it gets the first bytes,
+/// and more while the head does not end in them.
+fn jpeg_head(mut source: impl BufRead, file_bytes: u64) -> ImageResult<PictureHead> {
+    let (mut first, mut most) = (Vec::new(), JPEG_HEAD_BYTES);
+    loop {
+        Read::by_ref(&mut source).take(most - first.len() as u64).read_to_end(&mut first)?;
+        let is_whole = (first.len() as u64) < most;
+        match JpegDecoder::new(Cursor::new(&first)) {
+            Ok(mut decoder) => return Ok(PictureHead::of(&mut decoder, Some(ImageFormat::Jpeg), file_bytes)),
+            Err(error) if is_whole => return Err(error),
+            Err(_) => most *= 8,
         }
     }
 }

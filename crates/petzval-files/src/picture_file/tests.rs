@@ -577,3 +577,38 @@ fn heads_of_all_formats_are_those_of_the_pictures() {
     let error = picture_size(&folder.path().join("b.png")).unwrap_err().to_string();
     assert!(error.contains("no format that is read"), "{error}");
 }
+
+/// A file that counts the bytes that are read from it.
+struct Counted<'a>(Cursor<&'a [u8]>, usize);
+
+impl std::io::Read for Counted<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let count = std::io::Read::read(&mut self.0, buffer)?;
+        self.1 += count;
+        Ok(count)
+    }
+}
+
+impl Seek for Counted<'_> {
+    fn seek(&mut self, to: std::io::SeekFrom) -> std::io::Result<u64> {
+        self.0.seek(to)
+    }
+}
+
+#[test]
+fn of_a_large_jpeg_the_head_alone_is_read() {
+    let mut jpeg = Vec::new();
+    JpegEncoder::new(&mut jpeg).encode_image(&RgbImage::new(12, 8)).unwrap();
+    // Comments of 60,000 bytes behind the first marker.
+    let comment = [vec![0xff_u8, 0xfe, 0xea, 0x60], vec![0; 59_998]].concat();
+    for (comments, most) in [(0, 200_000), (3, 1_000_000)] {
+        let before = [&jpeg[..2], &comment.repeat(comments)].concat();
+        let file = [before, jpeg[2..].to_vec(), vec![0; 3_000_000]].concat();
+        let mut source = Counted(Cursor::new(file.as_slice()), 0);
+        let head = head_of(std::io::BufReader::new(&mut source), file.len() as u64, "test").unwrap();
+        assert_eq!(head.stored, (12, 8));
+        assert!(source.1 < most, "{comments}: {} bytes", source.1);
+        // What is cut off within its head has none.
+        assert!(head_of(Cursor::new(&file[..60_000 * comments + 2]), 0, "test").is_err());
+    }
+}

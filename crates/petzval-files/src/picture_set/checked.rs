@@ -143,8 +143,8 @@ impl From<ImageError> for UnreadPicture {
 pub(crate) type Head = Option<Result<PictureHead, UnreadPicture>>;
 
 /// The head of each picture, and whether files were decoded as a whole, as they are unless their light takes more than `most_light_bytes`. Those that
-/// are known are not decoded again. All threads together take at most 2 GB for files and decoded pictures. `watch` is called with how many
-/// are done; its error ends the check.
+/// are known are not decoded again. All threads together take at most 2 GB for files and decoded pictures. `watch` is called with 0 before each head,
+/// and with how many are done after each decoded picture; its error ends the check.
 pub(crate) fn checked_heads(
     pictures: &[Option<StoredPicture>],
     most_light_bytes: u64,
@@ -157,6 +157,7 @@ pub(crate) fn checked_heads(
     };
     let lengths: Vec<u64> = pictures.par_iter().map(length).collect();
     let heads = in_batches(pictures, &lengths, |picture| {
+        watch(0)?;
         Ok(picture.as_ref().map(|picture| picture.head().map_err(UnreadPicture::from)))
     })?;
     let light = heads.iter().flatten().flatten().map(PictureHead::light_bytes);
@@ -320,6 +321,16 @@ mod tests {
         let second = CheckedPictures::read(&memory);
         assert_eq!(check(&second), notes);
         assert!(!second.has_fresh() && second.take_notes().is_empty());
+    }
+
+    #[test]
+    fn a_check_that_is_cancelled_among_the_heads_ends_there() {
+        let root = tempfile::TempDir::new().unwrap();
+        let path = root.path().join("a.png");
+        std::fs::write(&path, png_bytes(&LinearImage::filled(3, 4, 6, 0.5)).unwrap()).unwrap();
+        let pictures = [StoredPicture::file(path)];
+        let watch = |done: usize| if done == 0 { Err(Cancelled) } else { Ok(()) };
+        assert_eq!(check_stored(&pictures, &CheckedPictures::default(), &watch), Err(Cancelled));
     }
 
     #[test]

@@ -419,6 +419,8 @@ fn the_files_of_pictures_are_checked() {
     check_pictures(&mut loaded, &note).unwrap();
     let mut decoded = decoded.into_inner().unwrap();
     decoded.sort_unstable();
+    // Before each head nothing is done yet.
+    decoded.retain(|done| *done > 0);
     assert_eq!(decoded, (1..=loaded_before).collect::<Vec<_>>());
     let left: Vec<&str> = loaded.data.images.iter().map(|image| image.file_name.as_str()).collect();
     assert_eq!(left, ["good.png", "none.png", "copy.png"]);

@@ -27,7 +27,9 @@ pub(crate) fn check_pictures_in(
 ) -> Result<()> {
     let count = loaded.data.images.len() as u64;
     let watch = |done: usize| {
-        context.progress(done as u64, count, "pictures are decoded");
+        if done > 0 {
+            context.progress(done as u64, count, "pictures are decoded");
+        }
         context.cancel().check()
     };
     let how = PictureCheck { most_light_bytes: u64::MAX, remembered };

@@ -44,7 +44,9 @@ pub(super) fn checked(
 ) -> Result<Loaded> {
     let count = pictures.len() as u64;
     let watch = |done: usize| {
-        context.progress(done as u64, count, "pictures are decoded");
+        if done > 0 {
+            context.progress(done as u64, count, "pictures are decoded");
+        }
         context.cancel().check()
     };
     warn_of_labels(place, context);
