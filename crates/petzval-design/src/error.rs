@@ -10,6 +10,7 @@ use petzval_camera::sensor::SensorError;
 use petzval_files::psf_file::PsfFileError;
 use petzval_learn::dataset::DatasetError;
 use petzval_learn::guest::GuestError;
+use petzval_learn::loss::LossError;
 use petzval_optics::lens::Lens;
 use petzval_optics::pupil::{LostRay, where_lost};
 use petzval_optics::wave::NoWaves;
@@ -163,7 +164,7 @@ pub enum DesignError {
     Dataset(#[from] DatasetError),
     /// The loss could not be computed.
     #[error(transparent)]
-    Loss(#[from] petzval_learn::loss::LossError),
+    Loss(#[from] LossError),
     /// A score could not be computed.
     #[error(transparent)]
     Score(#[from] petzval_learn::score::ScoreError),
@@ -342,6 +343,7 @@ impl DesignError {
                     | Self::Isp(IspError::Stopped(_))
                     | Self::Guest(GuestError::Stopped(_))
                     | Self::Dataset(DatasetError::Stopped(_))
+                    | Self::Loss(LossError::Stopped(_))
                     | Self::Render(RenderError::Stopped(_))
             ),
         }

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use petzval_base::Cancel;
 use petzval_camera::image::LinearImage;
 use petzval_design::camera::Camera;
 use petzval_design::design_loop::set_sight;
@@ -139,7 +140,7 @@ impl ObjectFinder {
     pub fn find(&self, picture: &LinearImage, least_score: f32) -> Result<Vec<Found>> {
         check_picture(picture, "the picture")?;
         let encoded = LinearImage { data: picture.to_srgb(), ..*picture };
-        let found = detect_in(self.finder.detector.as_ref(), &encoded, &self.device);
+        let found = detect_in(self.finder.detector.as_ref(), &encoded, &self.device, &Cancel::default());
         let found = found.map_err(DesignError::from)?;
         let sure = found.iter().filter(|detection| detection.score >= least_score);
         Ok(sure.map(|detection| self.finder.in_words(detection)).collect())

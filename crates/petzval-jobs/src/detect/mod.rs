@@ -151,7 +151,8 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let silent = context.silent();
     let reader = NotedPictures::new(if request.data.is_some() { &silent } else { context });
     let outcome = looked.into_iter().enumerate().try_for_each(|(i, Looked { file, mut image })| {
-        context.check(|| format!("stopped after {i} of {count} pictures"))?;
+        let check = || context.check(|| format!("stopped after {i} of {count} pictures"));
+        check()?;
         let encoded = match encoded(&file, finder.camera.as_ref(), &reader) {
             Ok((encoded, is_turned)) => {
                 // Boxes are of the picture as it is shown. Other pictures need no such word.
@@ -166,7 +167,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
             }
         };
         (image.height, image.width) = (encoded.height as u32, encoded.width as u32);
-        let found = detect_in(detector, &encoded, &device).map_err(DesignError::from)?;
+        let found = detect_in(detector, &encoded, &device, context.cancel());
+        // A look that was cancelled has no results, and ends as that between two pictures.
+        check()?;
+        let found = found.map_err(DesignError::from)?;
         surest = surest.into_iter().chain(found.first().map(|best| best.score)).reduce(f32::max);
         let is_sure = |d: &&Detection| d.score >= request.least_score;
         results

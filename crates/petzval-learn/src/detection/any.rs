@@ -2,6 +2,7 @@
 
 use burn::module::{Module, ParamId};
 use burn::prelude::*;
+use petzval_base::Cancel;
 use safetensors::SafeTensors;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -222,7 +223,7 @@ impl Detector for AnyDetector {
         self.of_kind().loss_of_look(look, picture, truths, seed)
     }
 
-    fn detect(&self, pictures: Tensor<4>) -> Result<Vec<Vec<Detection>>, LossError> {
-        self.of_kind().detect(pictures)
+    fn detect_unless(&self, cancel: &Cancel, pictures: Tensor<4>) -> Result<Vec<Vec<Detection>>, LossError> {
+        self.of_kind().detect_unless(cancel, pictures)
     }
 }

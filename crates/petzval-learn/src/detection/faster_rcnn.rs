@@ -4,6 +4,7 @@ use std::f32::consts::SQRT_2;
 
 use burn::module::Module;
 use burn::prelude::*;
+use petzval_base::{Cancel, Cancelled};
 use serde::Serialize;
 
 use super::anchors::Anchors;
@@ -15,7 +16,7 @@ use super::parameters::Parameters;
 use super::proposals::{ProposalConfig, ProposalNetwork, Proposed};
 use super::pyramid::Pyramid;
 use super::roi_align::RoiAlign;
-use super::{BBox, Detection, Detector, Truth, named, normalized, seen_sides};
+use super::{BBox, Detection, Detector, Truth, features_unless, named, normalized, seen_sides};
 use crate::loss::{LossError, NamedLoss};
 use crate::network::NetworkError;
 use crate::weight_file::NamedArray;
@@ -125,7 +126,12 @@ impl FasterRcnn {
     }
 
     fn maps(&self, pictures: Tensor<4>) -> Vec<Tensor<4>> {
-        self.pyramid.forward(self.body.features(normalized(pictures)))
+        self.pyramid.forward(self.body.features(normalized(pictures)).collect())
+    }
+
+    /// As [`maps`](Self::maps), ending before the next layers of the backbone or the pyramid once it is cancelled.
+    fn maps_unless(&self, cancel: &Cancel, pictures: Tensor<4>) -> Result<Vec<Tensor<4>>, Cancelled> {
+        Ok(self.pyramid.forward(features_unless(cancel, &self.body, pictures)?))
     }
 }
 
@@ -192,11 +198,14 @@ impl Detector for FasterRcnn {
         self.loss_on(&proposals, maps, &seen, truths, picture, seed)
     }
 
-    fn detect(&self, pictures: Tensor<4>) -> Result<Vec<Vec<Detection>>, LossError> {
+    fn detect_unless(&self, cancel: &Cancel, pictures: Tensor<4>) -> Result<Vec<Vec<Detection>>, LossError> {
         let [_, _, height, width] = pictures.dims();
-        let maps = self.maps(pictures);
+        let maps = self.maps_unless(cancel, pictures)?;
+        cancel.check()?;
         let seen = self.proposals.look(&maps, seen_sides([height, width]));
+        cancel.check()?;
         let proposals = self.proposals.proposals(&seen, [height, width], false)?;
+        cancel.check()?;
         self.boxes.detect(for_boxes(&maps), &proposals, [height, width])
     }
 }
@@ -246,6 +255,16 @@ mod tests {
         let loss = |sign: f64| run(&moved(sign), Some(&proposals)).0;
         let difference = (loss(1.0) - loss(-1.0)) / (2.0 * step);
         assert!((difference / square - 1.0).abs() < 0.03, "{difference} {square}");
+    }
+
+    #[test]
+    fn detection_that_is_cancelled_ends_before_its_next_layers() {
+        let device = Device::flex();
+        let detector = FasterRcnn::new(FasterRcnnConfig::small(2), 3, &device).unwrap();
+        let cancel = Cancel::default();
+        cancel.set();
+        let found = detector.detect_unless(&cancel, Tensor::zeros([1, 3, 64, 64], &device));
+        assert!(matches!(found, Err(LossError::Stopped(_))));
     }
 
     #[test]

@@ -4,6 +4,7 @@
 use burn::module::Module;
 use burn::prelude::*;
 use burn::tensor::activation::sigmoid;
+use petzval_base::Cancel;
 use serde::Serialize;
 
 use super::backbone::{Backbone, BackboneKind};
@@ -12,7 +13,7 @@ use super::layers::{Conv, ConvShape};
 use super::loss::{binary_cross_entropy, focal, generalised_iou};
 use super::parameters::{Parameters, Start, tensor};
 use super::pyramid::Pyramid;
-use super::{BBox, Detection, Detector, Truth, named, normalized, seen_sides};
+use super::{BBox, Detection, Detector, Truth, features_unless, named, normalized, seen_sides};
 use crate::loss::image_loss::read_numbers;
 use crate::loss::{LossError, NamedLoss};
 use crate::network::NetworkError;
@@ -139,7 +140,12 @@ impl Fcos {
 
     /// Logits, distances and centredness of each level, as planes.
     fn outputs(&self, pictures: Tensor<4>) -> Vec<Tensor<4>> {
-        let maps = self.pyramid.forward(self.body.features(normalized(pictures)));
+        self.outputs_of(self.body.features(normalized(pictures)).collect())
+    }
+
+    /// [`outputs`](Self::outputs) of pictures of which the backbone sees these features.
+    fn outputs_of(&self, features: Vec<Tensor<4>>) -> Vec<Tensor<4>> {
+        let maps = self.pyramid.forward(features);
         let of_level = |map: Tensor<4>| {
             let through = |tower: &[Conv]| tower.iter().fold(map.clone(), |x, conv| conv.leaky(x, SLOPE));
             let (classes, boxes) = (through(&self.class_tower), through(&self.box_tower));
@@ -304,9 +310,11 @@ impl Detector for Fcos {
         NamedLoss::sum(vec![("class", by_class), ("box", overlap.mean()), ("centredness", by_centre.mean())])
     }
 
-    fn detect(&self, pictures: Tensor<4>) -> Result<Vec<Vec<Detection>>, LossError> {
+    fn detect_unless(&self, cancel: &Cancel, pictures: Tensor<4>) -> Result<Vec<Vec<Detection>>, LossError> {
         let [batch, _, height, width] = pictures.dims();
-        let seen = self.seen(pictures);
+        let features = features_unless(cancel, &self.body, pictures)?;
+        let seen = by_place(&self.outputs_of(features), [height, width]);
+        cancel.check()?;
         let [_, count, classes] = seen.logits.dims();
         let scores = (sigmoid(seen.logits) * sigmoid(seen.centredness)).sqrt();
         let scores = read_numbers(scores, "scores of objects")?;

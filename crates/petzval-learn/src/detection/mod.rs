@@ -46,6 +46,7 @@ pub use zoomed::{Zoom, Zoomed};
 
 use burn::prelude::*;
 use burn::tensor::ops::PadMode;
+use petzval_base::{Cancel, Cancelled};
 use petzval_camera::image::LinearImage;
 use petzval_camera::tape::on_device;
 use serde::{Deserialize, Serialize};
@@ -144,16 +145,23 @@ pub trait Detector: Send + Sync {
     ) -> Result<NamedLoss, LossError>;
 
     /// What is found in each picture, best first.
-    fn detect(&self, pictures: Tensor<4>) -> Result<Vec<Vec<Detection>>, LossError>;
+    fn detect(&self, pictures: Tensor<4>) -> Result<Vec<Vec<Detection>>, LossError> {
+        self.detect_unless(&Cancel::default(), pictures)
+    }
+
+    /// As [`detect`](Self::detect), for large pictures: ends between two groups of layers once it is cancelled, with [`LossError::Stopped`].
+    fn detect_unless(&self, cancel: &Cancel, pictures: Tensor<4>) -> Result<Vec<Vec<Detection>>, LossError>;
 }
 
-/// What a detector finds in one picture of the host, three planes, sRGB-encoded, 0..1; best first.
+/// What a detector finds in one picture of the host, three planes, sRGB-encoded, 0..1; best first. Ends with [`LossError::Stopped`] once `cancel` is
+/// set.
 pub fn detect_in(
     detector: &dyn Detector,
     encoded: &LinearImage,
     device: &Device,
+    cancel: &Cancel,
 ) -> Result<Vec<Detection>, LossError> {
-    Ok(detector.detect(on_device(encoded, device))?.swap_remove(0))
+    Ok(detector.detect_unless(cancel, on_device(encoded, device))?.swap_remove(0))
 }
 
 /// The numbers of a tensor under a name. `what` names the tensor in errors.
@@ -178,6 +186,17 @@ fn normalized(pictures: Tensor<4>) -> Tensor<4> {
     let [_, _, height, width] = normal.dims();
     let [down, right] = [height, width].map(|side| side.next_multiple_of(SIDE_UNIT) - side);
     if down + right == 0 { normal } else { normal.pad([(0, down), (0, right)], PadMode::Constant(0.0)) }
+}
+
+/// What a backbone sees of pictures, finest first. Ends before its next layers once it is cancelled.
+fn features_unless(
+    cancel: &Cancel,
+    body: &backbone::Backbone,
+    pictures: Tensor<4>,
+) -> Result<Vec<Tensor<4>>, Cancelled> {
+    cancel.check()?;
+    let looked = |features: Tensor<4>| cancel.check().map(|()| features);
+    body.features(normalized(pictures)).map(looked).collect()
 }
 
 /// Height and width of the pictures that backbones see, of pictures of this height and width.

@@ -1,6 +1,7 @@
 //! A digital zoom in front of a detector.
 
 use burn::prelude::*;
+use petzval_base::Cancel;
 
 use super::{Detection, Detector, Object, Truth};
 use crate::loss::{LossError, NamedLoss};
@@ -89,10 +90,10 @@ impl<D: Detector> Detector for Zoomed<D> {
         self.detector.loss_of_look(look, to, &scaled(truths, enlargement(picture, to)), seed)
     }
 
-    fn detect(&self, pictures: Tensor<4>) -> Result<Vec<Vec<Detection>>, LossError> {
+    fn detect_unless(&self, cancel: &Cancel, pictures: Tensor<4>) -> Result<Vec<Vec<Detection>>, LossError> {
         let (enlarged, by) = self.enlarged(pictures);
         let back = by.map(|factor| 1.0 / factor);
-        let mut found = self.detector.detect(enlarged)?;
+        let mut found = self.detector.detect_unless(cancel, enlarged)?;
         found.iter_mut().flatten().for_each(|d| d.bbox = d.bbox.scaled(back));
         Ok(found)
     }
@@ -123,7 +124,7 @@ mod tests {
             Ok(NamedLoss { total: look[0].clone().mean(), parts: vec![("total", sum)] })
         }
 
-        fn detect(&self, pictures: Tensor<4>) -> Result<Vec<Vec<Detection>>, LossError> {
+        fn detect_unless(&self, _: &Cancel, pictures: Tensor<4>) -> Result<Vec<Vec<Detection>>, LossError> {
             let [_, _, height, width] = pictures.dims();
             let data = pictures.into_data().try_to_vec::<f32>().unwrap();
             let bright: Vec<(f32, f32)> = (0..height * width)

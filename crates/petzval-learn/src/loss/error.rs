@@ -1,5 +1,7 @@
 //! Errors of a loss.
 
+use petzval_base::Cancelled;
+
 /// Why a loss cannot be built or computed. Each message says what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum LossError {
@@ -85,6 +87,9 @@ pub enum LossError {
     /// A network gave what is no number.
     #[error("{0} are no numbers; the weights or the picture are damaged, or the training went astray")]
     NotANumber(&'static str),
+    /// The job was cancelled between two layers of the network.
+    #[error(transparent)]
+    Stopped(#[from] Cancelled),
     /// The loss values could not be read back from the device.
     #[error("the loss could not be read back from the device: {0}")]
     ReadBack(String),

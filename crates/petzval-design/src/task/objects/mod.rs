@@ -7,7 +7,7 @@ pub mod seen_windows;
 mod view;
 
 use burn::prelude::*;
-use petzval_base::FileError;
+use petzval_base::{Cancel, FileError};
 use petzval_camera::image::LinearImage;
 use petzval_camera::tape::Frames;
 use petzval_learn::dataset::{Classes, LabelledPictures, RepeatedClaim};
@@ -157,7 +157,7 @@ impl PreparedTask for PreparedObjects {
 
     fn drawn(&self, camera: &Camera, picture: LinearImage) -> Result<Drawn> {
         let finder = camera.reader::<Finder>().ok_or(DesignError::OtherTask)?;
-        let found = detect_in(finder.detector.as_ref(), &picture, &camera.body().device)?;
+        let found = detect_in(finder.detector.as_ref(), &picture, &camera.body().device, &Cancel::default())?;
         Ok(Drawn::alone(boxes::with_sure(&picture, &found, &finder.classes.names())))
     }
 

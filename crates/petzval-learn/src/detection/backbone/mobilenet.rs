@@ -92,16 +92,19 @@ impl MobileNetV2 {
         Ok(Self { first, blocks, last })
     }
 
-    pub fn features(&self, pictures: Tensor<4>) -> Vec<Tensor<4>> {
-        let mut x = rectified(&self.first, pictures);
-        let mut features = Vec::new();
-        for (number, block) in (1..).zip(&self.blocks) {
-            x = block.forward(x);
-            if TAKEN_BEHIND.contains(&number) {
-                features.push(x.clone());
+    /// Features of a batch of pictures, finest first. Each is computed when it is taken.
+    pub fn features(&self, pictures: Tensor<4>) -> impl Iterator<Item = Tensor<4>> {
+        let first = Some(rectified(&self.first, pictures));
+        let mut blocks = self.blocks.iter();
+        (0..TAKEN_BEHIND.len()).scan(first, move |last, level| {
+            let before = level.checked_sub(1).map_or(0, |finer| TAKEN_BEHIND[finer]);
+            let own = blocks.by_ref().take(TAKEN_BEHIND[level] - before);
+            let x = own.fold(last.take()?, |x, block| block.forward(x));
+            if level + 1 == TAKEN_BEHIND.len() {
+                return Some(rectified(&self.last, x));
             }
-        }
-        features.push(rectified(&self.last, x));
-        features
+            *last = Some(x.clone());
+            Some(x)
+        })
     }
 }

@@ -60,12 +60,12 @@ impl Backbone {
         }
     }
 
-    /// Features of a batch of pictures, 4, 8, 16 and 32 times smaller than the pictures.
-    pub fn features(&self, pictures: Tensor<4>) -> Vec<Tensor<4>> {
+    /// Features of a batch of pictures, 4, 8, 16 and 32 times smaller than the pictures. Each is computed when it is taken.
+    pub fn features(&self, pictures: Tensor<4>) -> Box<dyn Iterator<Item = Tensor<4>> + '_> {
         match self {
-            Self::Small(net) => net.features(pictures),
-            Self::ResNet(net) => net.features(pictures),
-            Self::MobileNetV2(net) => net.features(pictures),
+            Self::Small(net) => Box::new(net.features(pictures)),
+            Self::ResNet(net) => Box::new(net.features(pictures)),
+            Self::MobileNetV2(net) => Box::new(net.features(pictures)),
         }
     }
 }

@@ -94,15 +94,14 @@ impl ResNet {
         Ok(Self { stem, layers })
     }
 
-    pub fn features(&self, pictures: Tensor<4>) -> Vec<Tensor<4>> {
+    /// Features of a batch of pictures, finest first. Each is computed when it is taken.
+    pub fn features(&self, pictures: Tensor<4>) -> impl Iterator<Item = Tensor<4>> {
         let x = self.stem.rectified(pictures);
         let pool = MaxPoolOptions::new([3, 3]).with_stride([2, 2]).with_padding([1, 1]);
-        let mut x = max_pool2d(x, pool);
-        let mut features = Vec::new();
-        for layer in &self.layers {
-            x = layer.iter().fold(x, |x, block| block.forward(x));
-            features.push(x.clone());
-        }
-        features
+        self.layers.iter().scan(Some(max_pool2d(x, pool)), |last, layer| {
+            let x = layer.iter().fold(last.take()?, |x, block| block.forward(x));
+            *last = Some(x.clone());
+            Some(x)
+        })
     }
 }

@@ -117,13 +117,14 @@ impl Small {
         })
     }
 
-    pub fn features(&self, pictures: Tensor<4>) -> Vec<Tensor<4>> {
-        let mut x = self.stem.leaky(pictures, SLOPE);
-        let mut features = Vec::new();
-        for stage in &self.stages {
-            x = stage.forward(x);
-            features.push(stage.show(x.clone()));
-        }
-        features
+    /// Features of a batch of pictures, finest first. Each is computed when it is taken.
+    pub fn features(&self, pictures: Tensor<4>) -> impl Iterator<Item = Tensor<4>> {
+        // Each stage takes the last map out, so that its memory is free once it is used.
+        let stem = Some(self.stem.leaky(pictures, SLOPE));
+        self.stages.iter().scan(stem, |last, stage| {
+            let x = stage.forward(last.take()?);
+            *last = Some(x.clone());
+            Some(stage.show(x))
+        })
     }
 }

@@ -122,7 +122,11 @@ fn whole_detectors_see_and_find_what_those_of_torchvision_do() {
         let config = FasterRcnnConfig::torchvision(kind, of_classes);
         let detector = FasterRcnn::with(config, &Parameters::read(&file, 1, &device)).unwrap();
 
-        assert_maps(&detector.body.features(normalized(picture.clone())), &expected.body, "body");
+        assert_maps(
+            &detector.body.features(normalized(picture.clone())).collect::<Vec<_>>(),
+            &expected.body,
+            "body",
+        );
         assert_maps(&detector.maps(picture.clone()), &expected.pyramid, "pyramid");
         let found = detector.detect(picture.clone()).unwrap().remove(0);
         assert_eq!(found.len(), expected.count, "{name}");
@@ -135,7 +139,7 @@ fn whole_detectors_see_and_find_what_those_of_torchvision_do() {
             panic!("{name}");
         };
         assert_maps(
-            &begun.body.features(normalized(picture.clone())),
+            &begun.body.features(normalized(picture.clone())).collect::<Vec<_>>(),
             &expected.body,
             "body of a classifier",
         );
