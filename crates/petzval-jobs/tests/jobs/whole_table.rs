@@ -6,7 +6,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use cpu_time::ProcessTime;
-use petzval_jobs::{Call, Context, Silent, Table, built_in_assets, jobs};
+use petzval_base::Cancel;
+use petzval_jobs::{Call, Context, JobError, Silent, Table, built_in_assets, jobs};
 use serde_json::{Value, json};
 
 use crate::row_check::{calls, start_and_cancel};
@@ -17,6 +18,10 @@ const CALLS: [&str; 2] = [include_str!("../calls.json"), include_str!("../ready.
 
 /// CPU time of the whole test, at most.
 const CPU: Duration = Duration::from_secs(120);
+
+/// Rows that can take long, and look at the flag before or within the first unit of their work.
+const LOOKING: [&str; 7] =
+    ["data-check", "data-convert", "detect", "init", "lens-tolerance", "psf", "raw-mtf"];
 
 /// An experiment with a detector that runs in seconds.
 const LIGHTS: &str = r#"
@@ -116,6 +121,21 @@ fn call_of_each(folder: &str) -> BTreeMap<String, Call> {
     ready.map(|call| (call.job.clone(), call)).collect()
 }
 
+/// Runs rows that can take long with a flag that is set before their first look. Their results have places of their own.
+fn check_that_a_set_flag_is_seen(calls: &BTreeMap<String, Call>) {
+    for name in LOOKING {
+        let mut call = calls[name].clone();
+        if let Some(Value::String(place)) = call.request.get_mut("out") {
+            place.push_str("-cancelled");
+        }
+        let cancel = Cancel::default();
+        cancel.set();
+        let context = Context::new(built_in_assets(), Arc::new(Silent)).with_cancellation(cancel);
+        let outcome = call.run(&context);
+        assert!(matches!(outcome, Err(JobError::Stopped(_))), "{name}: {outcome:?}");
+    }
+}
+
 #[test]
 fn every_row_starts_from_its_smallest_request_and_ends_soon_after_it_is_cancelled() {
     let began = ProcessTime::now();
@@ -123,6 +143,7 @@ fn every_row_starts_from_its_smallest_request_and_ends_soon_after_it_is_cancelle
     prepare(folder.path());
     let mut calls = call_of_each(&folder.path().display().to_string().replace('\\', "/"));
     assert_eq!(calls.len(), jobs().len(), "a row has no call without missing files");
+    check_that_a_set_flag_is_seen(&calls);
     let table = Table::built_in();
     for row in table.rows() {
         start_and_cancel(&table, calls.remove(row.name).unwrap());
