@@ -29,8 +29,12 @@ pub struct Scores {
     pub ap50_range: Option<[f64; 2]>,
     /// By class.
     pub classes: Vec<ClassScore>,
-    /// Share of the lights found (overlap 0.5, score 0.5) whose state is right; none of other objects.
+    /// Share of the lights found (overlap 0.5, score 0.5) whose state is right, 0..1; none of other objects, and where no light is found so.
     pub state_accuracy: Option<f64>,
+    /// Share of the objects found (overlap 0.5, score 0.5) whose class is right, 0..1; none of lights, of a single class, and where no object is
+    /// found so.
+    #[serde(default)]
+    pub class_accuracy: Option<f64>,
 }
 
 /// The numbers of COCO as pycocotools gives them, where its definition differs: it takes boxes that reach out of their picture whole, and judges all
@@ -98,6 +102,7 @@ impl Scores {
         let half = ranking(&Protocol::coco_at(0.5));
         let coco = coco_summary(&pictures, classes.len());
         let voc = voc_average_precision(&pictures, classes.len(), Interpolation::AllPoints);
+        let accuracy = (classes.len() > 1).then(|| confusion(&pictures, classes.len()).accuracy()).flatten();
         let has_states = classes == LIGHT_STATES;
         let by_class = |(class, name): (usize, &String)| ClassScore {
             class: name.clone(),
@@ -111,7 +116,8 @@ impl Scores {
             ap50_range: range(&half),
             classes: classes.iter().enumerate().map(by_class).collect(),
             pycocotools: None,
-            state_accuracy: has_states.then(|| confusion(&pictures, classes.len()).accuracy()).flatten(),
+            state_accuracy: accuracy.filter(|_| has_states),
+            class_accuracy: accuracy.filter(|_| !has_states),
             coco,
         }
     }
@@ -179,5 +185,46 @@ mod tests {
         near(figures(&theirs.coco), [0.6171617161716171, 0.9504950495049505, 0.5709570957095709, 0.725]);
         // Where both judge the same objects, one set of numbers is enough.
         assert!(Pycocotools::of(&ours, &ours, &found).is_none());
+    }
+
+    #[test]
+    fn every_detector_of_two_classes_or_more_has_an_accuracy_of_them() {
+        // Of three objects, two are found as what they are; the last is found as the first class.
+        let boxes = [[10.0, 10.0, 40.0, 30.0], [60.0, 20.0, 30.0, 30.0], [10.0, 60.0, 30.0, 30.0]];
+        let score = |names: &[&str], score: f64| {
+            let last = names.len() as u64;
+            let objects = (1..).zip(&boxes).map(|(id, &bounds)| Annotation {
+                id,
+                image_id: 1,
+                category_id: if id == 1 { 1 } else { last },
+                bounds: Bounds::from(bounds),
+                area: Bounds::from(bounds).area(),
+                crowd: false,
+                ignore: false,
+                attributes: Default::default(),
+                unclipped: None,
+            });
+            let category =
+                |(id, name): (u64, &&str)| Category { id, name: (*name).into(), ..Category::default() };
+            let data = DataSet {
+                images: vec![Image { id: 1, ..Image::default() }],
+                categories: (1..).zip(names).map(category).collect(),
+                annotations: objects.collect(),
+                ..DataSet::default()
+            };
+            let found = boxes.iter().zip([1, last, 1]).map(|(&bounds, category_id)| coco::Detection {
+                image_id: 1,
+                category_id,
+                bounds: Bounds::from(bounds),
+                score,
+            });
+            let scores = Scores::of(&data, &found.collect::<Vec<_>>());
+            (scores.state_accuracy, scores.class_accuracy)
+        };
+        assert_eq!(score(&["cyclist", "drone"], 0.9), (None, Some(2.0 / 3.0)));
+        assert_eq!(score(&LIGHT_STATES, 0.9), (Some(2.0 / 3.0), None));
+        assert_eq!(score(&["cyclist"], 0.9), (None, None));
+        // Detections that are not sure count for neither.
+        assert_eq!(score(&["cyclist", "drone"], 0.4), (None, None));
     }
 }

@@ -192,10 +192,16 @@ fn print_scores(scores: &Scores) {
         "recall          {hundred} with the 100 best detections of a class in a picture, {ten} with 10, {one} with 1"
     );
     outln!("recall by size  {}", sizes([coco.ar_small, coco.ar_medium, coco.ar_large]));
-    if let Some(accuracy) = scores.state_accuracy {
-        outln!(
-            "state           {accuracy:.3} of the lights that are found with a score of 0.5 or more have the right one"
-        );
+    let of_found = [("state", scores.state_accuracy, "lights"), ("class", scores.class_accuracy, "objects")];
+    for (what, accuracy, objects) in of_found {
+        if let Some(accuracy) = accuracy {
+            outln!(
+                "{what}           {accuracy:.3} of the {objects} that are found with a score of 0.5 or more have the right one"
+            );
+        }
+    }
+    if scores.classes.len() > 1 && scores.state_accuracy.or(scores.class_accuracy).is_none() {
+        outln!("class           - (no object is found with a score of 0.5 or more)");
     }
     outln!("\n{:<20} {:>8} {:>7} {:>11}", "class", "objects", "AP", "AP50 (VOC)");
     for class in &scores.classes {

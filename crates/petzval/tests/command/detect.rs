@@ -592,6 +592,10 @@ fn classes_of_ones_own_are_trained_scored_reported_and_found() {
         .map(|object| object["class"].as_str().unwrap())
         .collect();
     assert!(!found.is_empty() && found.iter().all(|class| ["stop", "go"].contains(class)), "{found:?}");
+    let scored = run_ok(root, &["detect", "--data", "in", "--run", "run"]).stdout;
+    let has_accuracy =
+        ["of the objects that are found", "(no object is found"].map(|text| scored.contains(text));
+    assert!(has_accuracy.contains(&true), "{scored}");
 
     // A class that takes nothing of the data set is said, and scores of other classes are refused where they stand.
     let wrong = text.replace("categories = [2]", "categories = [9]");
