@@ -24,7 +24,7 @@ const PARTIAL: &[Partial] = &[
         act: |_, facts| facts.pictures == PicturesKey::Data,
         reason: "the task makes pictures of photographs, which `photos` names",
     },
-    Partial { keys: &["detector"], act: |_, facts| finds_objects(facts), reason: "the task has no detector" },
+    Partial { keys: &["detector"], act: |_, facts| facts.has_detector, reason: "the task has no detector" },
     Partial {
         keys: &[
             "street.busy",
@@ -40,15 +40,10 @@ const PARTIAL: &[Partial] = &[
     },
     Partial {
         keys: &["street.least_side_px"],
-        act: |experiment, facts| experiment.data == STREET || finds_objects(facts),
+        act: |experiment, facts| experiment.data == STREET || facts.has_detector,
         reason: "label images have no boxes",
     },
 ];
-
-/// Whether a step of the network moves a detector.
-fn finds_objects(facts: &TaskFacts) -> bool {
-    facts.network_name == "detector"
-}
 
 impl Experiment {
     /// The keys that differ from their defaults and have no effect for the task and the pictures, with the reason, in words; none where all act.
@@ -114,6 +109,9 @@ mod tests {
         let of_objects = own.idle_keys(&Objects.facts()).unwrap();
         assert!(of_objects.contains("street.light") && !of_objects.contains("detector"), "{of_objects}");
         assert!(!of_objects.contains("least_side_px"), "{of_objects}");
+        // Whatever a task calls its detector.
+        let of_finder = TaskFacts { network_name: "finder", ..Objects.facts() };
+        assert_eq!(own.idle_keys(&of_finder), Some(of_objects));
         let of_pictures = own.idle_keys(&Pictures.facts()).unwrap();
         assert!(of_pictures.contains("street.on_objects") && !of_pictures.contains("mine"), "{of_pictures}");
         let of_streets = experiment(STREET).idle_keys(&Segments.facts()).unwrap();

@@ -11,6 +11,10 @@ pub struct TaskFacts {
     pub network: NetworkRole,
     /// What a step of the network moves: `network`, `detector`.
     pub network_name: &'static str,
+    /// Whether that network is the detector that the table `detector` describes, which finds boxes.
+    pub has_detector: bool,
+    /// Whether its loss and scores are those of the class that `python.task` names.
+    pub has_python_class: bool,
     /// Which key names its pictures.
     pub pictures: PicturesKey,
     /// Whether the experiment states classes.

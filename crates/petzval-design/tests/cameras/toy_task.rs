@@ -79,6 +79,8 @@ impl Task for Brightness {
             name: "brightness",
             network: NetworkRole::Reads,
             network_name: "reader",
+            has_detector: false,
+            has_python_class: false,
             pictures: PicturesKey::Photos,
             has_classes: false,
             default_scores: Some(&["error"]),

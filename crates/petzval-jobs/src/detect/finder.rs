@@ -147,9 +147,6 @@ impl ObjectFinder {
     }
 }
 
-/// What the network of a camera that looks for objects is called.
-const DETECTOR: &str = "detector";
-
 /// The detector of a request, and a camera for its first raw frame and all others. `accepted`: files of the run that may differ from their
 /// digests.
 pub fn finder(
@@ -168,7 +165,7 @@ pub fn finder(
                 JobError::input(message, "name a run that looks for objects, such as pedestrian-vehicle")
             };
             // A network that names the classes of pixels finds no boxes.
-            if context.assets.facts_of(&experiment)?.network_name != DETECTOR {
+            if !context.assets.facts_of(&experiment)?.has_detector {
                 return Err(makes_pictures());
             }
             let finished = folder.finished(experiment.variant.iter().map(|v| v.name.as_str()));

@@ -5,7 +5,7 @@ use petzval_learn::guest::GuestClass;
 
 use super::checked::Checked;
 use crate::experiment::python::TIMEOUTS_S;
-use crate::experiment::{BlockName, NetworkKind, PYTHON, Stage};
+use crate::experiment::{BlockName, NetworkKind, Stage};
 
 /// Refuses a class that nothing uses, a use without a class, and what a class cannot do.
 pub(super) fn classes_and_uses(c: &Checked) -> Result<(), FileError> {
@@ -17,7 +17,7 @@ pub(super) fn classes_and_uses(c: &Checked) -> Result<(), FileError> {
         return Err(error.hint("leave it out"));
     }
     of(c, "network", network, is_used, "network.kind", &["network", "kind"])?;
-    of(c, "task", task, c.facts.name == PYTHON, "task", &["task"])?;
+    of(c, "task", task, c.facts.has_python_class, "task", &["task"])?;
     if let Some(python) = c.experiment.python.as_ref().filter(|p| !TIMEOUTS_S.contains(&p.timeout_s)) {
         let message = format!("{} s lies outside 0.1 to 1000000", python.timeout_s);
         return Err(c.at(&["python", "timeout_s"], message).hint("600"));
@@ -65,5 +65,29 @@ fn of(
     match class.class.split_once(':') {
         Some((module, name)) if is_name(module) && is_name(name) => Ok(()),
         _ => Err(c.at(&place, "is no module with a class").hint("write \"my_module:MyClass\"")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::{Experiment, TaskFacts};
+    use crate::task::Task;
+    use crate::task::pictures::Pictures;
+
+    #[test]
+    fn a_task_uses_a_class_by_its_facts_and_not_by_its_name() {
+        let check = |text: &str, facts: &TaskFacts| {
+            let experiment = Experiment::read(text).unwrap();
+            classes_and_uses(&Checked { experiment: &experiment, text, facts })
+        };
+        let with_class = "[python.task]\nclass = \"my_module:MyLoss\"\n";
+        let of_class = TaskFacts { name: "loss-of-ones-own", has_python_class: true, ..Pictures.facts() };
+        assert_eq!(check(with_class, &of_class), Ok(()));
+        assert!(check("", &of_class).unwrap_err().message.contains("`python.task` is missing"));
+        assert_eq!(check("", &Pictures.facts()), Ok(()));
+        assert!(
+            check(with_class, &Pictures.facts()).unwrap_err().message.contains("nothing uses this class")
+        );
     }
 }

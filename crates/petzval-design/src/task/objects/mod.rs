@@ -40,6 +40,8 @@ impl Task for Objects {
             name: "objects",
             network: NetworkRole::Reads,
             network_name: "detector",
+            has_detector: true,
+            has_python_class: false,
             pictures: PicturesKey::Data,
             has_classes: true,
             default_scores: Some(&["ap50", "ap", "ap75"]),

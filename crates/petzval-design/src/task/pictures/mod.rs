@@ -37,6 +37,8 @@ impl Task for Pictures {
             name: "image-quality",
             network: NetworkRole::Finishes,
             network_name: "network",
+            has_detector: false,
+            has_python_class: false,
             pictures: PicturesKey::Photos,
             has_classes: false,
             default_scores: None,

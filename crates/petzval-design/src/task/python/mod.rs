@@ -27,7 +27,7 @@ pub struct PythonTask;
 
 impl Task for PythonTask {
     fn facts(&self) -> TaskFacts {
-        TaskFacts { name: PYTHON, ..Pictures.facts() }
+        TaskFacts { name: PYTHON, has_python_class: true, ..Pictures.facts() }
     }
 
     /// Those of the class are known when it is made: the judge refuses others.

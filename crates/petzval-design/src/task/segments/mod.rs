@@ -42,6 +42,8 @@ impl Task for Segments {
             name: "segments",
             network: NetworkRole::Reads,
             network_name: "network",
+            has_detector: false,
+            has_python_class: false,
             pictures: PicturesKey::Data,
             has_classes: true,
             default_scores: Some(&["miou", "pixel_accuracy"]),
