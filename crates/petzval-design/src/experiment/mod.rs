@@ -3,6 +3,7 @@
 mod check;
 mod commented;
 mod derived_lens;
+mod former_keys;
 mod idle_keys;
 mod keys;
 mod names;
@@ -148,7 +149,7 @@ impl Default for Experiment {
 impl Experiment {
     /// Reads an experiment without a check. Errors name line, key, value and a hint.
     pub(crate) fn read(text: &str) -> Result<Self, FileError> {
-        let wrong = |e: toml::de::Error| FileError::from_toml(text, &e);
+        let wrong = |e: toml::de::Error| former_keys::with_hint(FileError::from_toml(text, &e), text);
         let read = toml::from_str(text).map_err(wrong)?;
         // A run writes its experiment as TOML, which cannot hold every number of 64 bits without a sign.
         toml::from_str::<toml::Table>(text).map_err(wrong)?;

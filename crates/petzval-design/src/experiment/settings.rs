@@ -6,7 +6,7 @@ use petzval_base::{FileError, SMALLER_NUMBER, WHOLE_NUMBERS_OF_TOML, nearest, qu
 use serde_json::Value as Json;
 use toml::Value;
 
-use super::Experiment;
+use super::{Experiment, former_keys};
 use crate::error::WrongSetting;
 
 /// Values of an experiment by key path: `training.steps`, `psf.kind`, `variant.end-to-end.stage.2.schedule.optics.learning_rate`.
@@ -219,9 +219,10 @@ fn check_types(table: &Value, whole: &Value, places: &[(String, Vec<String>)]) -
     );
     let key = set.map(|(_, place)| place.last().cloned().unwrap_or_default()).unwrap_or_default();
     let elsewhere = if message.starts_with("unknown field") { paths_to(&key, whole) } else { Vec::new() };
-    let hint = match (&elsewhere[..], found.hint.clone()) {
-        ([], hint) => hint.unwrap_or_default(),
-        (known, _) => format!("did you mean {}?", in_a_choice(known)),
+    let hint = match (former_keys::hint_at(&path), &elsewhere[..], found.hint.clone()) {
+        (Some(became), ..) => became,
+        (None, [], hint) => hint.unwrap_or_default(),
+        (None, known, _) => format!("did you mean {}?", in_a_choice(known)),
     };
     let bare = FileError { hint: None, ..found };
     Err(WrongSetting { setting, message: bare.to_string(), hint })
