@@ -413,6 +413,7 @@ impl DesignLoop {
             }
         }
         let metrics = collect_metrics(&self.setup, &self.run, self.scorer.scores())?;
+        let metrics = self.scorer.with_reasons(metrics);
         let text = DesignError::json("the figures of the run", &metrics)?;
         write_file(&self.run.metrics_csv(), metrics.csv().as_bytes())?;
         observer.file(&self.run.metrics_csv(), "table");

@@ -66,6 +66,13 @@ impl Scorer {
         self.judge.scores()
     }
 
+    /// The figures of cameras with the reasons for scores of which some camera has no value.
+    pub fn with_reasons(&self, metrics: Metrics) -> Metrics {
+        let mut without_value = self.judge.reasons_for_none();
+        without_value.retain(|name, _| metrics.rows.iter().any(|row| !row.scores.contains_key(name)));
+        Metrics { without_value, ..metrics }
+    }
+
     /// Scores a camera: its lens by exact tracing, its pictures on the held-out photographs. Ends with [`DesignError::Stopped`] before the next
     /// picture once [`Setup::cancel`] is set.
     pub fn score(&self, name: &str, camera: &Camera) -> Result<Scored> {
@@ -240,6 +247,7 @@ fn collect(
         rows,
         seeds: vec![setup.experiment.seed],
         scores,
+        without_value: BTreeMap::new(),
         version: VERSION.to_owned(),
     })
 }

@@ -214,7 +214,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         let [held_out_images, held_out_places] = setup.held_out_pictures()?;
         let differences = differences(&rows, &draws, &kept.scores);
         return Ok(Response {
-            metrics: Metrics { rows, held_out_images, held_out_places, ..kept },
+            metrics: explained(Metrics { rows, held_out_images, held_out_places, ..kept }, &scorer, context),
             other_pictures: place.map(Path::to_path_buf),
             trained_on,
             differences,
@@ -224,7 +224,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         });
     }
     let (largest, of) = largest_difference(&rows, &kept);
-    let metrics = Metrics { rows, ..kept };
+    let metrics = explained(Metrics { rows, ..kept }, &scorer, context);
     let plan = request.made.as_ref().zip(designs.as_deref());
     let made =
         plan.map(|(made, designs)| make(made, designs, &metrics, &scorer, &folder, context)).transpose()?;
@@ -237,6 +237,15 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         largest_difference_of: of,
         made,
     })
+}
+
+/// Figures with the reasons for scores of which a camera has no value, and a warning that names them.
+fn explained(metrics: Metrics, scorer: &Scorer, context: &Context) -> Metrics {
+    let metrics = scorer.with_reasons(metrics);
+    if let Some(missing) = metrics.missing_values() {
+        context.warning(WarningKind::LeftOut, missing);
+    }
+    metrics
 }
 
 /// The figures of a run without those of its ceilings, whose PSFs are those of a perfect lens.

@@ -49,6 +49,6 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     }
     let scorer = scorer(setup)?;
     let setup = scorer.setup();
-    let metrics = collect_so_far(setup, &folder, scorer.scores())?;
+    let metrics = scorer.with_reasons(collect_so_far(setup, &folder, scorer.scores())?);
     Ok(Response { html: html(&report_so_far(setup, &folder, metrics)?), is_finished: false })
 }

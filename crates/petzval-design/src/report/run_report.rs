@@ -193,7 +193,7 @@ fn gathered(
         detection: of_task.detection.take(),
         sections: std::mem::take(&mut of_task.sections),
         short: short_run(setup, record.as_ref()),
-        warnings: metrics.rows.iter().filter_map(|m| lost_light(setup, m)).collect(),
+        warnings: warnings(setup, metrics),
         progress: None,
         made: MadeMetrics::read(run)?.map(|made| made_view(&metrics.scores, made)),
         losses: loss_curves(events),
@@ -213,6 +213,13 @@ fn short_run(setup: &Setup, record: Option<&RunRecord>) -> Option<ShortRun> {
     let (record, usual) = record.and_then(|record| Some((record, record.usual_steps?)))?;
     let steps = record.config.most_steps(setup.facts.network);
     (steps < usual).then_some(ShortRun { steps, usual })
+}
+
+/// What a reader must know beside the table: light that the PSFs cut off, and scores without a value.
+fn warnings(setup: &Setup, metrics: &Metrics) -> Vec<String> {
+    let lost = metrics.rows.iter().filter_map(|m| lost_light(setup, m));
+    let missing = metrics.missing_values().map(|words| format!("The table has {words}."));
+    lost.chain(missing).collect()
 }
 
 /// The warning of a camera whose PSFs are wider than their grid. Given PSFs are those of a file.

@@ -24,6 +24,9 @@ pub struct Metrics {
     pub held_out_places: usize,
     /// The scores of the pictures, in the order of the experiment file.
     pub scores: Vec<ScoreDescription>,
+    /// Why some cameras have no value of a score, by the name of the score; absent where all have one, and in runs of earlier versions.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub without_value: BTreeMap<String, String>,
     /// Version of Petzval that scored the cameras; empty where an earlier one did not write it.
     #[serde(default)]
     pub version: String,
@@ -40,6 +43,24 @@ impl Metrics {
         let all = || self.rows.iter().map(|row| row.white_e);
         let (least, most) = (all().fold(f64::INFINITY, minimum), all().fold(0.0, maximum));
         if least < most { format!("{least:.0} to {most:.0}") } else { most.to_string() }
+    }
+
+    /// The scores of which cameras have no value, and why: `no value of ap50_car (no object of the class car in the pictures)`. Cameras are named
+    /// where others have one. None where no reason is known.
+    pub fn missing_values(&self) -> Option<String> {
+        let clause = |score: &ScoreDescription| {
+            let reason = self.without_value.get(&score.name)?;
+            let lack = self.rows.iter().filter(|row| !row.scores.contains_key(&score.name));
+            let cameras: Vec<&str> = lack.map(|row| row.camera.as_str()).collect();
+            let of = if cameras.len() == self.rows.len() {
+                String::new()
+            } else {
+                format!(" for {}", cameras.join(", "))
+            };
+            (!cameras.is_empty()).then(|| format!("{}{of} ({reason})", score.name))
+        };
+        let clauses: Vec<String> = self.scores.iter().filter_map(clause).collect();
+        (!clauses.is_empty()).then(|| format!("no value of {}", clauses.join("; ")))
     }
 
     /// What the cameras are scored on: `4 held-out photographs at 16 places each`.
@@ -244,5 +265,41 @@ mod tests {
         let brighter = CameraMetrics { white_e: 24_321.7, ..metrics.rows[0].clone() };
         let metrics = Metrics { rows: vec![brighter, metrics.rows[0].clone()], ..metrics };
         assert_eq!(metrics.electrons_of_white(), "16000 to 24322");
+    }
+
+    #[test]
+    fn a_score_without_a_value_is_named_with_its_reason() {
+        let row = |camera: &str, scores: serde_json::Value| {
+            let mut row = serde_json::json!({
+                "camera": camera, "rms_spot_um": 7.25, "efl_mm": 25.0, "f_number": 2.8, "fov_deg": 40.0,
+                "corner_distortion_percent": -1.5, "psf_captured": 1.0, "white_e": 16000.0, "network_steps": 3,
+                "rms_spot_by_field_um": [], "pictures": []
+            });
+            row.as_object_mut().unwrap().extend(scores.as_object().unwrap().clone());
+            row
+        };
+        let score = |name: &str| {
+            serde_json::json!({
+                "name": name, "title": name, "unit": "", "definition": "", "decimals": 4, "higher_is_better": true
+            })
+        };
+        let metrics: Metrics = serde_json::from_value(serde_json::json!({
+            "rows": [
+                row("nominal", serde_json::json!({"ap50": 0.5})),
+                row("end-to-end", serde_json::json!({"ap50": 0.5, "class_accuracy": 1.0})),
+            ],
+            "seeds": [1], "held_out_images": 3, "held_out_places": 1,
+            "scores": [score("ap50"), score("ap50_drone"), score("class_accuracy")],
+            "without_value": {"ap50_drone": "no object of the class drone", "class_accuracy": "no object is found"}
+        }))
+        .unwrap();
+        assert_eq!(
+            metrics.missing_values().unwrap(),
+            "no value of ap50_drone (no object of the class drone); class_accuracy for nominal (no object is found)"
+        );
+        // Runs of earlier versions know no reasons; where all cameras have values, the file has no such key.
+        let complete = Metrics { without_value: BTreeMap::new(), ..metrics };
+        assert_eq!(complete.missing_values(), None);
+        assert!(serde_json::to_value(&complete).unwrap().get("without_value").is_none());
     }
 }

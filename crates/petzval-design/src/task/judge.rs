@@ -18,6 +18,11 @@ pub trait Judge: Send + Sync {
     /// The scores that are computed.
     fn scores(&self) -> Vec<ScoreDescription>;
 
+    /// Why a camera has no value of a score, by the name of the score; none of scores that always have one.
+    fn reasons_for_none(&self) -> BTreeMap<String, String> {
+        BTreeMap::new()
+    }
+
     /// What is found of one camera, before its first picture.
     fn begin(&self, depth: Depth) -> Box<dyn Findings>;
 }

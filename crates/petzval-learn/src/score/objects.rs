@@ -48,6 +48,8 @@ pub struct Field {
 pub struct ObjectScore {
     /// Name, heading and definition.
     pub about: ScoreDescription,
+    /// Why it has no value where it has none: `no object of the class car in the pictures`.
+    pub why_none: String,
     kind: Kind,
 }
 
@@ -127,20 +129,29 @@ pub fn object_scores(classes: &[&str]) -> Vec<ObjectScore> {
     ];
     let mut all = Vec::new();
     for (name, title, [of_all, of_one], overlaps) in overlaps {
-        let mut add = |name: String, title: String, definition: String, objects| {
+        let mut add = |name: String, title: String, definition: String, which: &str, objects| {
             all.push(ObjectScore {
                 about: ScoreDescription::of_share(name, title, definition),
+                why_none: format!("no object{which} in the pictures"),
                 kind: Kind::Ap(overlaps, objects),
             });
         };
-        add(name.into(), title.into(), of_all.clone(), Objects::All);
+        add(name.into(), title.into(), of_all.clone(), "", Objects::All);
         for (i, class) in classes.iter().enumerate() {
             let definition = format!("{of_one} of the class {class}");
-            add(format!("{name}_{class}"), format!("{title} {class}"), definition, Objects::OfClass(i));
+            let which = format!(" of the class {class}");
+            add(
+                format!("{name}_{class}"),
+                format!("{title} {class}"),
+                definition,
+                &which,
+                Objects::OfClass(i),
+            );
         }
         for (group, words, objects) in groups {
             let definition = format!("{of_all}, of objects {words}");
-            add(format!("{name}_{group}"), format!("{title} {group}"), definition, objects);
+            let which = format!(" {words}");
+            add(format!("{name}_{group}"), format!("{title} {group}"), definition, &which, objects);
         }
     }
     let of_found = |what: &str, class: &str| {
@@ -153,6 +164,7 @@ pub fn object_scores(classes: &[&str]) -> Vec<ObjectScore> {
     };
     all.extend(confusion.map(|(name, title, definition)| ObjectScore {
         about: ScoreDescription::of_share(name.into(), title.into(), definition),
+        why_none: "no object is found (overlap 0.5, score 0.5)".to_owned(),
         kind: Kind::Confusion,
     }));
     all
@@ -368,6 +380,11 @@ mod tests {
         assert_eq!(of("ap50_small").0, Some(half));
         assert_eq!(of("ap50_large"), (None, None));
         assert_eq!(of("ap50_edge"), (None, None));
+        let why_none = |name: &str| &all.iter().find(|s| s.about.name == name).unwrap().why_none;
+        assert_eq!(why_none("ap50_large"), "no object above 96 x 96 pixels in the pictures");
+        assert_eq!(why_none("ap75_b"), "no object of the class b in the pictures");
+        assert_eq!(why_none("ap"), "no object in the pictures");
+        assert_eq!(why_none("class_accuracy"), "no object is found (overlap 0.5, score 0.5)");
         // Boxes overlap by 19 of 21 columns: from 0.5 to 0.9, nine of the ten overlaps.
         let all_overlaps = of("ap_small").0.unwrap();
         assert!((all_overlaps - 0.9 * half).abs() < 1e-12, "{all_overlaps} {half}");

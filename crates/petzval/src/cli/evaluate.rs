@@ -234,6 +234,7 @@ mod tests {
             held_out_images: 9,
             held_out_places: 1,
             scores: vec![score.clone()],
+            without_value: Default::default(),
             version: String::new(),
         };
         let none = without_range(&metrics);

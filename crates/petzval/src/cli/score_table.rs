@@ -11,7 +11,7 @@ pub fn print(metrics: &Metrics) {
 
 /// Prints the table with what the cameras are scored on.
 pub fn print_on(metrics: &Metrics, scored_on: &str) {
-    // A score for which there is nothing to find has no column.
+    // A score of which no camera has a value has no column: a warning says why.
     let is_there = |name: &str| metrics.rows.iter().any(|row| row.scores.contains_key(name));
     let columns: Vec<_> = (metrics.scores.iter())
         .filter(|s| is_there(&s.name))

@@ -103,6 +103,12 @@ fn a_run_that_looks_for_objects_is_scored_again_reported_and_lends_its_detector(
     assert!(said.stdout.contains("over 3 windows of held-out scenes"), "{}", said.stdout);
     assert!(said.says("streets (day): 3 windows in training, 3 in scores"), "{}", said.stderr);
     assert!(!said.stdout.contains("NaN") && !said.stdout.contains("AP50 large"), "{}", said.stdout);
+    let why = "ap50_large (no object above 96 x 96 pixels in the pictures)";
+    assert!(said.says("no value of") && said.says(why), "{}", said.stderr);
+    let reasons = read_json(&root.join("run/metrics.json"))["without_value"].clone();
+    assert_eq!(reasons["ap50_large"], "no object above 96 x 96 pixels in the pictures");
+    assert!(reasons["ap50"].is_null(), "{reasons}");
+    assert!(read(&root.join("run/report.html")).contains(why));
     let rows = read_json(&root.join("run/metrics.json"))["rows"].clone();
     assert_eq!([&rows[0]["network_steps"], &rows[1]["network_steps"]], [2, 4]);
     assert_eq!(rows[1]["is_ceiling"], true);

@@ -42,6 +42,10 @@ impl Judge for ObjectJudge {
         self.scores.iter().map(|score| score.about.clone()).collect()
     }
 
+    fn reasons_for_none(&self) -> BTreeMap<String, String> {
+        self.scores.iter().map(|score| (score.about.name.clone(), score.why_none.clone())).collect()
+    }
+
     fn begin(&self, depth: Depth) -> Box<dyn Findings> {
         let Self { scores, classes, field } = self;
         Box::new(ObjectFindings {

@@ -38,6 +38,10 @@ impl Judge for SegmentJudge {
         self.scores.iter().map(|score| score.about.clone()).collect()
     }
 
+    fn reasons_for_none(&self) -> BTreeMap<String, String> {
+        self.scores.iter().map(|score| (score.about.name.clone(), score.why_none.clone())).collect()
+    }
+
     fn begin(&self, depth: Depth) -> Box<dyn Findings> {
         Box::new(SegmentFindings {
             scores: self.scores.clone(),

@@ -8,6 +8,8 @@ use crate::score::{ScoreDescription, draws_of, range_of};
 pub struct SegmentScore {
     /// Name, heading and definition.
     pub about: ScoreDescription,
+    /// Why it has no value where it has none: `the class road is neither in the pictures nor found in them`.
+    pub why_none: String,
     kind: Kind,
 }
 
@@ -23,8 +25,9 @@ enum Kind {
 
 /// Everything that is known to be computed, for these classes.
 pub fn segment_scores(classes: &[&str]) -> Vec<SegmentScore> {
-    let score = |name: String, title: String, definition: String, kind| SegmentScore {
+    let score = |name: String, title: String, definition: String, why_none: String, kind| SegmentScore {
         about: ScoreDescription::of_share(name, title, definition),
+        why_none,
         kind,
     };
     let over_all = "over all labelled pixels of all windows";
@@ -32,13 +35,15 @@ pub fn segment_scores(classes: &[&str]) -> Vec<SegmentScore> {
         "intersection over union {over_all}, the mean over classes; a class that is neither in the truth nor found is left out"
     );
     let right = format!("share of right classes {over_all}");
+    let unlabelled = || "no labelled pixel in the pictures".to_owned();
     let mut all = vec![
-        score("miou".into(), "mIoU".into(), mean, Kind::MeanIou),
-        score("pixel_accuracy".into(), "pixel accuracy".into(), right, Kind::Accuracy),
+        score("miou".into(), "mIoU".into(), mean, unlabelled(), Kind::MeanIou),
+        score("pixel_accuracy".into(), "pixel accuracy".into(), right, unlabelled(), Kind::Accuracy),
     ];
     all.extend(classes.iter().enumerate().map(|(number, class)| {
         let definition = format!("intersection over union {over_all} of the class {class}");
-        score(format!("iou_{class}"), format!("IoU {class}"), definition, Kind::Iou(number))
+        let absent = format!("the class {class} is neither in the pictures nor found in them");
+        score(format!("iou_{class}"), format!("IoU {class}"), definition, absent, Kind::Iou(number))
     }));
     all
 }
