@@ -1,6 +1,6 @@
 //! What every job is given beside its request.
 
-use std::collections::{BTreeSet, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -88,7 +88,7 @@ impl Context {
         let (flag, watcher) = (cancel.clone(), self.watcher.clone());
         let guests = assets.with_guests(Arc::new(move |timeout_s| -> Arc<dyn Host> {
             let watcher = watcher.clone();
-            let said = move |line: &str| watcher.event(&Event::Note { text: line.to_owned() });
+            let said = move |line: &str| watcher.event(&Event::note(line));
             Arc::new(Workers::new(timeout_s, flag.clone(), Arc::new(said)))
         }));
         Self { assets: guests.stopped_by(cancel.clone()), cancel, ..self }
@@ -182,12 +182,12 @@ impl Context {
 
     /// Reports something that was done or found, on one line.
     pub fn note(&self, text: impl Into<String>) {
-        self.event(&Event::Note { text: text.into() });
+        self.event(&Event::note(text));
     }
 
     /// Reports how far the job has come.
     pub fn progress(&self, done: u64, total: u64, text: impl Into<String>) {
-        self.event(&Event::Progress { done, total, text: text.into() });
+        self.event(&Event::Progress { done, total, text: text.into(), figures: BTreeMap::new() });
     }
 
     /// Reports a file that is whole, and what it holds. A job that is cancelled later keeps it.

@@ -26,6 +26,10 @@ pub enum Event {
     Note {
         /// What.
         text: String,
+        /// Figures in the text by name, with the unit in the name, such as `merit_um`; may be empty. One that is no number is null in JSON.
+        #[serde(default, skip_serializing_if = "BTreeMap::is_empty", deserialize_with = "numbers")]
+        #[schemars(with = "BTreeMap<String, Option<f64>>")]
+        figures: BTreeMap<String, f64>,
     },
     /// How far the job has come.
     Progress {
@@ -35,6 +39,10 @@ pub enum Event {
         total: u64,
         /// What the job is doing now; may be empty.
         text: String,
+        /// Figures in the text by name, with the unit in the name, such as `merit_um`; may be empty. One that is no number is null in JSON.
+        #[serde(default, skip_serializing_if = "BTreeMap::is_empty", deserialize_with = "numbers")]
+        #[schemars(with = "BTreeMap<String, Option<f64>>")]
+        figures: BTreeMap<String, f64>,
     },
     /// A step of a design.
     Step {
@@ -83,6 +91,18 @@ pub enum Event {
         /// What it holds: `page`, `lens`, `picture`, `raw frame`, `figures`, `table`, `checkpoint`, and so on.
         what: String,
     },
+}
+
+impl Event {
+    /// A note without figures.
+    pub fn note(text: impl Into<String>) -> Self {
+        Self::Note { text: text.into(), figures: BTreeMap::new() }
+    }
+}
+
+/// Figures by name.
+pub(crate) fn figures<N: Into<String>>(named: impl IntoIterator<Item = (N, f64)>) -> BTreeMap<String, f64> {
+    named.into_iter().map(|(name, value)| (name.into(), value)).collect()
 }
 
 /// A score of a camera, with what is needed to print it.
@@ -157,17 +177,17 @@ pub enum WarningKind {
     Other,
 }
 
-/// Losses, of which one that is null is no number.
+/// Numbers by name, of which one that is null is no number.
 fn numbers<'d, D: Deserializer<'d>>(from: D) -> Result<BTreeMap<String, f64>, D::Error> {
     let read = BTreeMap::<String, Option<f64>>::deserialize(from)?;
-    Ok(read.into_iter().map(|(name, loss)| (name, loss.unwrap_or(f64::NAN))).collect())
+    Ok(read.into_iter().map(|(name, value)| (name, value.unwrap_or(f64::NAN))).collect())
 }
 
 impl fmt::Display for Event {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Warning { text, .. } => write!(f, "warning: {text}"),
-            Self::Note { text } | Self::Progress { text, .. } => f.write_str(text),
+            Self::Note { text, .. } | Self::Progress { text, .. } => f.write_str(text),
             Self::Step { camera, block, losses, .. } => {
                 let losses: Vec<String> =
                     losses.iter().map(|(name, value)| format!("{name} {value:.4}")).collect();
@@ -234,9 +254,25 @@ mod tests {
                 "a | score | windows",
             ),
             (
-                Event::Progress { done: 1, total: 2, text: "fields".to_owned() },
+                Event::Progress { done: 1, total: 2, text: "fields".to_owned(), figures: BTreeMap::new() },
                 r#"{"event":"progress","done":1,"total":2,"text":"fields"}"#,
                 "fields",
+            ),
+            (
+                Event::Progress {
+                    done: 1,
+                    total: 2,
+                    text: "PSNR: inf dB".to_owned(),
+                    figures: figures([("psnr_db", f64::INFINITY), ("seconds", 0.5)]),
+                },
+                r#"{"event":"progress","done":1,"total":2,"text":"PSNR: inf dB","figures":{"psnr_db":null,"seconds":0.5}}"#,
+                "PSNR: inf dB",
+            ),
+            (Event::note("done"), r#"{"event":"note","text":"done"}"#, "done"),
+            (
+                Event::Note { text: "merit 4 um".to_owned(), figures: figures([("merit_um", 4.0)]) },
+                r#"{"event":"note","text":"merit 4 um","figures":{"merit_um":4.0}}"#,
+                "merit 4 um",
             ),
             (
                 Event::Step {

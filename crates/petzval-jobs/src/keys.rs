@@ -89,7 +89,9 @@ impl Watcher for InKeys {
             Event::Warning { kind, text } => {
                 self.0.event(&Event::Warning { kind: *kind, text: in_keys(text) });
             }
-            Event::Note { text } => self.0.event(&Event::Note { text: in_keys(text) }),
+            Event::Note { text, figures } => {
+                self.0.event(&Event::Note { text: in_keys(text), figures: figures.clone() });
+            }
             other => self.0.event(other),
         }
     }

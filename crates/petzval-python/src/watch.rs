@@ -73,7 +73,7 @@ pub fn watched<T: Send>(
     let cancel = flag.as_ref().map(|flag| flag.get().0.clone()).unwrap_or_default();
     let (sender, mut events) = channel();
     let said = Events(sender.clone());
-    let said = Arc::new(move |line: &str| said.event(&Event::Note { text: line.to_owned() }));
+    let said = Arc::new(move |line: &str| said.event(&Event::note(line)));
     // Messages name keys of requests in place of flags of the command.
     let context = Context::new(LIBRARY.clone(), Arc::new(Events(sender)));
     let context = context.with_cancellation(cancel.clone()).in_keys();

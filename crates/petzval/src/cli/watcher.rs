@@ -155,7 +155,7 @@ impl Watcher for Stderr {
             Event::Warning { .. } | Event::Note { .. } | Event::Camera { .. } => {
                 self.line(&event.to_string())
             }
-            Event::Progress { done, total, text } => self.progress(*done, *total, text, None),
+            Event::Progress { done, total, text, .. } => self.progress(*done, *total, text, None),
             // Its steps are of many kinds: their mean says little.
             Event::Step { step, total, time_left, .. } => {
                 let left = time_left.as_ref().map_or_else(String::new, left_in_words);
