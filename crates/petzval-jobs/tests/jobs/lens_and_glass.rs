@@ -1,8 +1,8 @@
 //! Lens and glass jobs called as a program other than the command calls them.
 
 use std::fmt::Debug;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
 
 use petzval_base::Cancel;
 use petzval_jobs::lens::{FocusAt, convert, optimize, show, tolerance, trace};
@@ -221,6 +221,57 @@ fn a_glass_has_no_figures_at_lines_beyond_its_formula() {
         ["GERMANIUM", "N-BK7"].map(|name| listed.iter().find(|g| g.name == name).unwrap());
     assert_eq!((infrared.nd, infrared.vd, infrared.agrees_with_print), (None, None, None));
     assert!((crown.nd.unwrap() - 1.5168).abs() < 1e-5 && (crown.vd.unwrap() - 64.17).abs() < 0.01);
+}
+
+/// Keeps the notes that have figures, as the line and as JSON.
+#[derive(Default)]
+struct Figures(Mutex<Vec<(String, serde_json::Value)>>);
+
+impl Watcher for Figures {
+    fn event(&self, event: &Event) {
+        if let Event::Note { figures, .. } = event
+            && !figures.is_empty()
+        {
+            self.0.lock().unwrap().push((event.to_string(), serde_json::to_value(event).unwrap()));
+        }
+    }
+}
+
+#[test]
+fn the_notes_of_an_optimisation_have_the_figures_of_their_lines_as_numbers() {
+    for (is_global, count) in [(false, "iteration"), (true, "round")] {
+        let folder = tempfile::tempdir().unwrap();
+        let kept = Arc::new(Figures::default());
+        // Programs that call jobs get events with keys in place of flags: the figures stay.
+        let context = Context::new(built_in_assets(), kept.clone()).in_keys();
+        let request = optimize_request(folder.path(), is_global);
+        let request = optimize::Request { rounds: is_global.then_some(2), ..request };
+        optimize::run(&request, &context).unwrap();
+        let notes = kept.0.lock().unwrap();
+        assert!(!notes.is_empty());
+        for (i, (line, event)) in notes.iter().enumerate() {
+            let figures = &event["figures"];
+            let number = |name: &str| figures[name].as_f64().unwrap_or_else(|| panic!("{name}: {event}"));
+            // A search begins with the lens at the start.
+            let what = if is_global && i == 0 {
+                assert!(figures[count].is_null(), "{event}");
+                "start".to_owned()
+            } else {
+                format!("{count} {}", number(count))
+            };
+            let fields =
+                figures.as_object().unwrap().keys().filter(|name| name.starts_with("rms_um_")).count();
+            let spots: Vec<String> =
+                (1..=fields).map(|field| format!("{:.2}", number(&format!("rms_um_{field}")))).collect();
+            let (seconds, merit, mean) = (number("seconds"), number("merit_um"), number("mean_rms_um"));
+            let whole = format!(
+                "{seconds:8.2} s  {what:<14} merit {merit:8.3} um  spots {mean:.3} um ({})",
+                spots.join(" ")
+            );
+            assert!(fields > 1 && line.starts_with(&whole), "{line}\n{whole}");
+            assert_eq!(number("violations") > 0.0, line.contains("; not kept: "), "{line}");
+        }
+    }
 }
 
 #[test]

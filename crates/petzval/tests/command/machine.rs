@@ -311,6 +311,13 @@ fn events_of_a_call_are_json_lines_and_the_last_one_is_the_error() {
     let whole = format!(r#"{{"format": 1, "job": "lens-analyze", "request": {request}, "overwrite": true}}"#);
     assert!(events(&whole, 0).0.contains("analysis.json"));
 
+    // What an optimisation says of a better lens has its figures as numbers, beside the line for people.
+    let request = r#"{"start": {"new": {"lens": "cooke-triplet-nominal", "out": "run"}}, "iterations": 1}"#;
+    let (_, said) = events(&format!(r#"{{"format": 1, "job": "lens-optimize", "request": {request}}}"#), 0);
+    let better = said.iter().find(|event| event["figures"]["iteration"] == 0.0).unwrap();
+    let (merit, line) = (better["figures"]["merit_um"].as_f64().unwrap(), better["text"].as_str().unwrap());
+    assert!(line.contains(&format!(" s  iteration 0    merit {merit:8.3} um  spots ")), "{line}");
+
     // What cannot be read as a call ends with JSON, too.
     let (_, said) = events("{\n", 2);
     assert_eq!((said.len(), &said[0]["event"], &said[0]["place"]["line"]), (1, &"error".into(), &2.into()));

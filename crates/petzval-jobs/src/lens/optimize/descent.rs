@@ -14,7 +14,9 @@ use petzval_optics::optimize::{
 use super::buildable::{OnTheWay, newly_broken};
 use super::figures::is_restored;
 use super::history::{History, KeptDescent};
-use super::progress::{Clock, KEEP_EVERY, STEP_SHARE, Upto, WORTH_IT, line, not_optimisable, with_fine_rays};
+use super::progress::{
+    Clock, KEEP_EVERY, Origin, STEP_SHARE, Upto, WORTH_IT, better, not_optimisable, with_fine_rays,
+};
 use crate::context::Context;
 use crate::error::{JobError, Result};
 
@@ -195,7 +197,7 @@ fn add(
     context: &Context,
 ) -> Result<()> {
     let seconds = clock.seconds();
-    context.note(line(&format!("iteration {iteration}"), seconds, problem, analysis));
+    context.event(&better(Origin::Iteration(iteration), seconds, problem, analysis));
     let lens = history.add(problem, 0, seconds, analysis, at, &[])?;
     lens.into_iter().for_each(|lens| context.wrote(lens, "lens"));
     Ok(())

@@ -1,5 +1,6 @@
-//! How far an optimisation goes and has come, and the line about each better lens.
+//! How far an optimisation goes and has come, and the note about each better lens.
 
+use std::fmt;
 use std::time::{Duration, Instant};
 
 use petzval_optics::design_space::{DesignSpaceError, Focus, Solves};
@@ -12,6 +13,7 @@ use super::figures::{VIOLATED_MM, is_restored, violation_in_words};
 use super::history::{Config, History};
 use super::request::{ITERATIONS, ROUNDS};
 use crate::error::JobError;
+use crate::event::{Event, figures};
 
 /// A step of the history is better than the one before by this share at least.
 pub(super) const STEP_SHARE: f64 = 1e-3;
@@ -128,22 +130,65 @@ pub(super) fn violations(analysis: &Analysis) -> usize {
     analysis.violations.iter().filter(|(_, mm)| *mm > VIOLATED_MM).count()
 }
 
-/// A line about a better lens.
-pub(super) fn line(what: &str, seconds: f64, problem: &Problem, analysis: &Analysis) -> String {
+/// What led to a better lens.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Origin {
+    /// A search began with it.
+    Start,
+    /// An iteration of a descent.
+    Iteration(usize),
+    /// A round of a search.
+    Round(u64),
+    /// A search with a further requirement.
+    Requirement(&'static str),
+}
+
+impl Origin {
+    /// The name and the number of what is counted.
+    fn count(self) -> Option<(&'static str, f64)> {
+        match self {
+            Self::Iteration(iteration) => Some(("iteration", iteration as f64)),
+            Self::Round(round) => Some(("round", round as f64)),
+            Self::Start | Self::Requirement(_) => None,
+        }
+    }
+}
+
+impl fmt::Display for Origin {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Start => f.write_str("start"),
+            Self::Iteration(iteration) => write!(f, "iteration {iteration}"),
+            Self::Round(round) => write!(f, "round {round}"),
+            Self::Requirement(requirement) => f.write_str(requirement),
+        }
+    }
+}
+
+/// The note about a better lens after some seconds of work. Its figures are named as in `history.jsonl`; `rms_um_1` is that of the first field.
+pub(super) fn better(origin: Origin, seconds: f64, problem: &Problem, analysis: &Analysis) -> Event {
     let fields: Vec<String> = analysis.rms_um.iter().map(|r| format!("{r:.2}")).collect();
-    let violated = match &named_violations(problem, analysis)[..] {
+    let not_kept = named_violations(problem, analysis);
+    let violated = match &not_kept[..] {
         [] => String::new(),
         [one] => format!("; not kept: {one}"),
         [first, more @ ..] => format!("; not kept: {first}; and {} more", more.len()),
     };
     let is_restored = problem.goals.first().is_some_and(is_restored);
-    let merit = match (is_restored, analysis.goals.first()) {
-        (true, Some(percent)) => format!("error {percent:8.4} %"),
-        _ => format!("merit {:8.3} um", analysis.merit.sqrt()),
+    let merit_um = analysis.merit.sqrt();
+    let (merit, merit_in_words) = match (is_restored, analysis.goals.first()) {
+        (true, Some(percent)) => (("restored_error_percent", *percent), format!("error {percent:8.4} %")),
+        _ => (("merit_um", merit_um), format!("merit {merit_um:8.3} um")),
     };
-    format!(
-        "{seconds:8.2} s  {what:<14} {merit}  spots {:.3} um ({}){violated}",
-        analysis.mean_rms_um(),
+    let mean_rms_um = analysis.mean_rms_um();
+    let what = origin.to_string();
+    let text = format!(
+        "{seconds:8.2} s  {what:<14} {merit_in_words}  spots {mean_rms_um:.3} um ({}){violated}",
         fields.join(" ")
-    )
+    );
+    let whole =
+        [("seconds", seconds), merit, ("mean_rms_um", mean_rms_um), ("violations", not_kept.len() as f64)];
+    let mut figures = figures(origin.count().into_iter().chain(whole));
+    figures.extend((1..).zip(&analysis.rms_um).map(|(field, rms)| (format!("rms_um_{field}"), *rms)));
+    Event::Note { text, figures }
 }

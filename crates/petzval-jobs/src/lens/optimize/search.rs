@@ -8,7 +8,7 @@ use petzval_optics::optimize::{Analysis, Found, Kept, Problem, Search, SearchOpt
 
 use super::buildable::newly_broken;
 use super::history::{Config, History, KeptSearch};
-use super::progress::{Clock, KEEP_EVERY, STEP_SHARE, line, not_optimisable, with_more_rays};
+use super::progress::{Clock, KEEP_EVERY, Origin, STEP_SHARE, better, not_optimisable, with_more_rays};
 use super::request::Request;
 use crate::context::Context;
 use crate::error::Result;
@@ -47,7 +47,7 @@ pub(super) fn search(
             if let Some(fine) = fine.filter(|fine| newly_broken(start, fine).is_none()) {
                 if history.is_better(&fine, STEP_SHARE) {
                     let (round, seconds) = (search.progress().0, clock.seconds());
-                    context.note(line(&format!("round {round}"), seconds, problem, &fine));
+                    context.event(&better(Origin::Round(round), seconds, problem, &fine));
                     let lens = history.add(problem, round, seconds, &fine, &found.at, &found.glasses)?;
                     lens.into_iter().for_each(|lens| context.wrote(lens, "lens"));
                 }
@@ -117,7 +117,7 @@ fn enter_start(
         },
         Err(why) => return without_start(&why, context),
     };
-    context.note(line("start", 0.0, problem, &fine));
+    context.event(&better(Origin::Start, 0.0, problem, &fine));
     let lens = history.add(problem, 0, 0.0, &fine, &own.at, &own.glasses)?;
     lens.into_iter().for_each(|lens| context.wrote(lens, "lens"));
     let names = problem.glasses.iter().zip(&own.glasses);

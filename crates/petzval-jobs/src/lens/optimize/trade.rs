@@ -10,7 +10,7 @@ use super::buildable::newly_broken;
 use super::figures::Figures;
 use super::goal::Goal;
 use super::history::Config;
-use super::progress::{at_the_start, line, not_optimisable, violations, with_more_rays};
+use super::progress::{Origin, at_the_start, better, not_optimisable, violations, with_more_rays};
 use super::request::{ROUNDS, Request, Trade};
 use crate::context::Context;
 use crate::error::{JobError, Result};
@@ -89,7 +89,8 @@ pub(super) fn trades(
             best = [best, fine].into_iter().flatten().min_by(|a, b| a.merit.total_cmp(&b.merit));
         }
         let Some(best) = best else { continue };
-        context.note(line(requirement, began.elapsed().as_secs_f64(), &problem, &best));
+        let seconds = began.elapsed().as_secs_f64();
+        context.event(&better(Origin::Requirement(requirement), seconds, &problem, &best));
         trades.push(Trade {
             requirement: requirement.to_owned(),
             mean_rms_um: Figures::new(&problem, &best).mean_rms_spot_um,
