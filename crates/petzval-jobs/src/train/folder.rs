@@ -1,5 +1,6 @@
 //! The folder of a network in training: its state, then its weights and its description. And the loop that goes on with it.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -10,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
 use crate::error::{JobError, Result, json, write_file};
+use crate::event::Event;
 use crate::state_file::{make_new_folder, read_state};
 
 /// Steps between two records of the losses, and between two states from which training can continue.
@@ -77,6 +79,9 @@ pub(super) trait Training {
     /// Losses in words.
     fn words(losses: &Self::Losses) -> String;
 
+    /// The same losses by name.
+    fn by_name(losses: &Self::Losses) -> BTreeMap<String, f64>;
+
     /// Weights and optimiser.
     fn state(&self) -> Result<[Vec<u8>; 2]>;
 }
@@ -103,7 +108,12 @@ pub(super) fn train<T: Training, P: Serialize, I: Serialize>(
         if !kept.recent.is_empty() && (kept.step.is_multiple_of(RECORD_EVERY) || kept.step == steps) {
             let losses = T::mean(&std::mem::take(&mut kept.recent));
             kept.history.push(Record { step: kept.step, losses });
-            context.progress(kept.step as u64, steps as u64, T::words(&losses));
+            context.event(&Event::Progress {
+                done: kept.step as u64,
+                total: steps as u64,
+                text: T::words(&losses),
+                figures: T::by_name(&losses),
+            });
         }
         let is_cancelled = context.is_cancelled();
         let is_due = kept.step.is_multiple_of(KEEP_EVERY) || clock.elapsed() >= KEEP_WITHIN;
@@ -217,5 +227,70 @@ impl TrainingFolder {
             context.wrote(&path, if path == self.page() { "page" } else { "network" });
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::{Arc, Mutex};
+
+    use super::*;
+    use crate::event::{Watcher, figures};
+
+    /// A training whose loss is the number of the step.
+    struct Counted;
+
+    impl Training for Counted {
+        type Losses = f64;
+
+        fn step(&mut self, step: usize) -> Result<f64> {
+            Ok(step as f64)
+        }
+
+        fn mean(losses: &[f64]) -> f64 {
+            losses.iter().sum::<f64>() / losses.len() as f64
+        }
+
+        fn words(loss: &f64) -> String {
+            format!("loss {loss:.1}")
+        }
+
+        fn by_name(loss: &f64) -> BTreeMap<String, f64> {
+            figures([("loss", *loss)])
+        }
+
+        fn state(&self) -> Result<[Vec<u8>; 2]> {
+            Ok([Vec::new(), Vec::new()])
+        }
+    }
+
+    /// Keeps progress.
+    #[derive(Default)]
+    struct Progress(Mutex<Vec<Event>>);
+
+    impl Watcher for Progress {
+        fn event(&self, event: &Event) {
+            if matches!(event, Event::Progress { .. }) {
+                self.0.lock().unwrap().push(event.clone());
+            }
+        }
+    }
+
+    #[test]
+    fn progress_has_the_losses_as_numbers() {
+        let root = tempfile::tempdir().unwrap();
+        let watcher = Arc::new(Progress::default());
+        let context = Context::new(crate::built_in_assets(), watcher.clone());
+        let folder = TrainingFolder::create(&root.path().join("training")).unwrap();
+        let mut kept = Kept::new((), ());
+        train(&mut Counted, RECORD_EVERY + 1, &folder, &mut kept, &context).unwrap();
+        let progress = |done: usize, text: &str, loss: f64| Event::Progress {
+            done: done as u64,
+            total: RECORD_EVERY as u64 + 1,
+            text: text.to_owned(),
+            figures: figures([("loss", loss)]),
+        };
+        let said = [progress(RECORD_EVERY, "loss 24.5", 24.5), progress(RECORD_EVERY + 1, "loss 50.0", 50.0)];
+        assert_eq!(*watcher.0.lock().unwrap(), said);
     }
 }

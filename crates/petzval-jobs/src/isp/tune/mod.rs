@@ -27,7 +27,7 @@ use super::frame::{Source, noted_frames, read_frame, read_one, warn_of_clipped};
 use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, Result, Stopped};
-use crate::event::WarningKind;
+use crate::event::{Event, WarningKind, figures};
 use crate::named_isp::{NamedIsp, about_frame, isp_by_name};
 use crate::noted_pictures::NotedPictures;
 
@@ -509,14 +509,8 @@ impl Tuner<'_> {
 
     fn report(&self, kept: &Checkpoint, budget: usize, start: f64, sign: f64) {
         let (best, _) = self.best(kept);
-        let decimals = self.score.decimals();
-        let text = format!(
-            "{}: {best:.decimals$} {}, {:+.decimals$} from the start",
-            self.score.title(),
-            self.score.unit(),
-            sign * (best - start)
-        );
-        self.context.progress(1 + kept.search.evaluations() as u64, budget as u64, text);
+        let (done, total) = (1 + kept.search.evaluations() as u64, budget as u64);
+        self.context.event(&progress(done, total, &*self.score, best, sign * (best - start)));
     }
 
     /// Mean score of each list of values over all frames, or why the ISP failed at it; none if the job is cancelled meanwhile.
@@ -572,5 +566,58 @@ impl Tuner<'_> {
         let finished = LinearImage { channels: 3, height, width, data: picture.encoded() };
         let pair = ScoredPair::new(finished, truth.clone(), &self.device);
         self.score.of(&pair).map_err(|e| JobError::failed(e.to_string()))
+    }
+}
+
+/// How far a search has come, with its best score and by how much that is better than the score at the start.
+fn progress(done: u64, total: u64, score: &dyn Score, best: f64, improvement: f64) -> Event {
+    let (name, title, unit, decimals) = (score.name(), score.title(), score.unit(), score.decimals());
+    let text = format!("{title}: {best:.decimals$} {unit}, {improvement:+.decimals$} from the start");
+    let figures = figures([(name.to_owned(), best), (format!("{name}_improvement"), improvement)]);
+    Event::Progress { done, total, text, figures }
+}
+
+#[cfg(test)]
+mod tests {
+    use petzval_learn::score::ScoreError;
+
+    use super::*;
+
+    /// A score in dB, of which nothing is computed.
+    struct Psnr;
+
+    impl Score for Psnr {
+        fn name(&self) -> &'static str {
+            "psnr_db"
+        }
+
+        fn title(&self) -> &'static str {
+            "PSNR"
+        }
+
+        fn unit(&self) -> &'static str {
+            "dB"
+        }
+
+        fn definition(&self) -> &'static str {
+            ""
+        }
+
+        fn decimals(&self) -> usize {
+            2
+        }
+
+        fn of(&self, _: &ScoredPair) -> Result<f64, ScoreError> {
+            Ok(0.0)
+        }
+    }
+
+    #[test]
+    fn progress_has_the_figures_of_its_line_as_numbers() {
+        let event = progress(9, 40, &Psnr, 31.126, 0.75);
+        assert_eq!(event.to_string(), "PSNR: 31.13 dB, +0.75 from the start");
+        let json = serde_json::to_value(&event).unwrap();
+        assert_eq!(json["figures"], serde_json::json!({"psnr_db": 31.126, "psnr_db_improvement": 0.75}));
+        assert_eq!([&json["done"], &json["total"]], [9, 40]);
     }
 }

@@ -2,6 +2,7 @@
 
 mod plan;
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use petzval_base::Cancel;
@@ -24,6 +25,7 @@ use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::design::inputs_of;
 use crate::error::{JobError, Result};
+use crate::event::figures;
 use crate::named_isp::{NamedIsp, isp_by_name};
 use crate::range::check_ranges;
 
@@ -198,6 +200,11 @@ impl Training for OnFrames<'_> {
         format!("errors: picture {picture:.4}, change {difference:.4} of {change:.4}")
     }
 
+    fn by_name(losses: &StepLosses) -> BTreeMap<String, f64> {
+        let StepLosses { picture, difference, change } = *losses;
+        figures([("picture", picture), ("difference", difference), ("change", change)])
+    }
+
     fn state(&self) -> Result<[Vec<u8>; 2]> {
         Ok(self.trainer.save()?)
     }
@@ -270,4 +277,17 @@ fn pictures(
         pairs.push(Pair { height: isp.height, width: isp.width, isp: isp.encoded(), proxy: proxy.encoded() });
     }
     Ok(pairs)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn losses_in_words_are_those_by_name() {
+        let losses = StepLosses { picture: 0.125, difference: 0.02, change: 0.03 };
+        assert_eq!(OnFrames::words(&losses), "errors: picture 0.1250, change 0.0200 of 0.0300");
+        let named = figures([("picture", 0.125), ("difference", 0.02), ("change", 0.03)]);
+        assert_eq!(OnFrames::by_name(&losses), named);
+    }
 }

@@ -1,5 +1,6 @@
 //! `train optics-proxy`: a network in place of ray tracing, as the paper had it, and what it costs.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use cpu_time::ProcessTime;
@@ -22,6 +23,7 @@ use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::design::inputs_of;
 use crate::error::{JobError, Result};
+use crate::event::figures;
 use crate::experiment::DEFAULT_EXPERIMENT;
 use crate::range::check_ranges;
 
@@ -102,6 +104,11 @@ impl Training for ProxyOpticsTrainer {
     fn words(losses: &OpticsLosses) -> String {
         let OpticsLosses { psf, slope, illumination } = losses;
         format!("errors: PSF {psf:.3}, slopes {slope:.3}, illumination {illumination:.4}")
+    }
+
+    fn by_name(losses: &OpticsLosses) -> BTreeMap<String, f64> {
+        let OpticsLosses { psf, slope, illumination } = *losses;
+        figures([("psf", psf), ("slope", slope), ("illumination", illumination)])
     }
 
     fn state(&self) -> Result<[Vec<u8>; 2]> {
@@ -274,4 +281,18 @@ fn shown_gap(gap: &OpticsGap) -> ShownGap {
 fn psf(bank: &PsfBank, field: usize) -> Vec<f32> {
     let cells = 3 * bank.grid * bank.grid;
     bank.values[field * cells..][..cells].to_vec()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn losses_in_words_are_those_by_name() {
+        let losses = OpticsLosses { psf: 1.86, slope: 0.958, illumination: 0.0771 };
+        let words = "errors: PSF 1.860, slopes 0.958, illumination 0.0771";
+        assert_eq!(ProxyOpticsTrainer::words(&losses), words);
+        let named = figures([("psf", 1.86), ("slope", 0.958), ("illumination", 0.0771)]);
+        assert_eq!(ProxyOpticsTrainer::by_name(&losses), named);
+    }
 }
