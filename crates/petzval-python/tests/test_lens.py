@@ -174,7 +174,10 @@ def test_a_lens_is_optimised_and_toleranced(triplet: pz.Lens, tmp_path) -> None:
     better = triplet.optimize(goal={"edge": 0.8}, iterations=5)
     assert better.lens.spots().rms_um.mean() < triplet.spots().rms_um.mean()
     assert better.lens.efl_mm == pytest.approx(triplet.efl_mm, rel=1e-6)
-    kept = triplet.optimize(tmp_path / "kept", goal={"edge": 0.8}, iterations=5)
+    events: list[pz.jobs.Event] = []
+    kept = triplet.optimize(tmp_path / "kept", goal={"edge": 0.8}, iterations=5, progress=events.append)
+    merits = [event["figures"]["merit_um"] for event in events if "figures" in event]
+    assert len(merits) > 1 and merits == sorted(merits, reverse=True)
     assert kept.lens.to_toml() == better.lens.to_toml() and (tmp_path / "kept" / "best.toml").is_file()
 
     tolerance = triplet.tolerance(grade="commercial", trials=5)

@@ -15,7 +15,10 @@ from ._petzval import Cancel
 _LOG = logging.getLogger("petzval")
 
 Event = dict[str, Any]
-"""What a job says, with its kind under ``event``: ``progress`` with ``done``, ``total`` and ``text``; ``step`` with losses; ``camera``; ``file``."""
+"""What a job says, with its kind under ``event``: ``progress`` with ``done``, ``total`` and ``text``; ``step`` with losses; ``camera``; ``file``.
+
+``figures`` of a ``note`` or ``progress`` has the numbers of its text by name, such as ``merit_um``; the key is missing where there are none.
+"""
 
 Progress = bool | Callable[[Event], object]
 """``True`` shows a bar (tqdm where it is installed); a function gets every event."""

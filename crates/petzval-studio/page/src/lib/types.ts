@@ -250,8 +250,8 @@ export type JobEvent =
   | { event: "camera"; camera: string }
   | { event: "error"; message: string; hint?: string }
   | { event: "warning"; text: string }
-  | { event: "note"; text: string }
-  | { event: "progress"; done: number; total: number; text: string }
+  | { event: "note"; text: string; figures?: Record<string, number | null> }
+  | { event: "progress"; done: number; total: number; text: string; figures?: Record<string, number | null> }
   | { event: "file"; path: string; what: string };
 
 export interface Opened {
