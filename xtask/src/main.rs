@@ -1,8 +1,8 @@
 //! Chores of the workspace.
 //!
 //! `cargo xtask layers` checks that the crates keep the order of the light path, and that no modules and no folders inside a crate use
-//! each other in a circle. `cargo xtask words` checks the comments: short sentences, no house words. `cargo xtask python` installs the Python
-//! package and tests it. `cargo xtask studio` builds the page of the studio anew, compares it, and tests it in a browser. `cargo xtask engines` runs
+//! each other in a circle; and that results take paths that are no UTF-8. `cargo xtask words` checks the comments: short sentences, no house
+//! words. `cargo xtask python` installs the Python package and tests it. `cargo xtask studio` builds the page of the studio anew, compares it, and tests it in a browser. `cargo xtask engines` runs
 //! units of work under Slurm, HyperQueue, Ray and submitit. `cargo xtask devices` proves the build for GPUs on a Vulkan device that is a program
 //! on the CPU. `cargo xtask results` writes the tables of the book's results from their data. `cargo xtask full` runs what continuous integration
 //! has no time for.
@@ -16,6 +16,7 @@ mod full;
 mod layers;
 mod lexer;
 mod python;
+mod result_paths;
 mod results;
 mod sources;
 mod studio;

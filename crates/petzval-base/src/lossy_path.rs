@@ -2,6 +2,7 @@
 //!
 //! serde itself fails with such a path. A result must not be lost by the name of its file: fields of results have
 //! `#[serde(serialize_with = "petzval_base::lossy_path::serialize")]`. Paths that are read again, such as those in the request of a run, do not have it.
+//! `cargo xtask layers` finds a result without it.
 
 use std::path::{Path, PathBuf};
 

@@ -107,7 +107,7 @@ pub struct Response {
     /// The figures; on other pictures than those of the run with their 95 % ranges.
     pub metrics: Metrics,
     /// The other pictures; none if the held-out ones of the run were scored.
-    #[serde(default)]
+    #[serde(default, serialize_with = "petzval_base::lossy_path::serialize")]
     pub other_pictures: Option<PathBuf>,
     /// How many of the other pictures the run was trained on, by the content of their files: scores on them say little about others.
     #[serde(default)]

@@ -25,6 +25,7 @@ pub struct Comparison {
     /// Title of the experiment.
     pub title: String,
     /// The runs' folders.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub runs: Vec<PathBuf>,
     /// Their seeds.
     pub seeds: Vec<u64>,

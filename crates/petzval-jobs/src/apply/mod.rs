@@ -56,7 +56,7 @@ pub struct Response {
     /// Every picture through every camera.
     pub pictures: Vec<Applied>,
     /// For each photograph or raw frame the page that shows it by every camera; none where there would be nothing beside it.
-    #[serde(default)]
+    #[serde(default, serialize_with = "petzval_base::lossy_path::serialize")]
     pub pages: Vec<PathBuf>,
     /// Every other file: each photograph as it lies on the sensor, and what networks read in pictures.
     #[serde(default, serialize_with = "petzval_base::lossy_path::serialize")]

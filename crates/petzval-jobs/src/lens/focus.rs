@@ -77,6 +77,7 @@ pub struct Response {
     /// The same in the plane as it is now.
     pub largest_colour_spot_um: Option<f64>,
     /// The file that was written.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub to: Option<PathBuf>,
     /// Properties of the lens that the new file does not represent.
     pub losses_of_writing: Vec<Loss>,

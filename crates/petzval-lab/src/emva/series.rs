@@ -108,6 +108,7 @@ impl Series {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Written {
     /// The list of captures.
+    #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub list: PathBuf,
     /// Frames in all.
     pub frames: usize,

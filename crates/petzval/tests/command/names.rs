@@ -27,6 +27,8 @@ fn folders_that_are_not_text_are_refused_before_a_run_keeps_them() {
         &[b"design", b"tiny.toml", b"--out", b"r\xffun"],
         &[b"design", b"tiny.toml", b"--out", b"r\xffun", b"--check"],
         &[b"lens", b"optimize", b"cooke-triplet-nominal", b"--out", b"r\xffun"],
+        &[b"isp", b"tune", b"r\xffaws", b"--reference", b"refs", b"--out", b"run"],
+        &[b"isp", b"tune", b"raws", b"--reference", b"r\xffefs", b"--out", b"run"],
     ] {
         let refused = run_bytes(root, args);
         assert_eq!(refused.code, Some(2), "{}", refused.stderr);
@@ -43,6 +45,24 @@ fn folders_that_are_not_text_are_refused_before_a_run_keeps_them() {
     std::fs::create_dir(&run).unwrap();
     run_ok(&run, &["design", "../tiny.toml", "--variant", "nominal", "--out", "."]);
     run_ok(&run, &["report", "."]);
+}
+
+/// Files of results may have any name: bytes that are no text are U+FFFD in JSON.
+#[test]
+fn results_name_files_that_are_not_text() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    finished_run(root);
+    let lens = [&b"lens"[..], b"focus", b"cooke-triplet-nominal", b"l\xffens.toml", b"--json"];
+    let focused = run_bytes(root, &lens);
+    assert_eq!(focused.code, Some(0), "{}", focused.stderr);
+    assert_eq!(focused.json()["to"], "l\u{fffd}ens.toml");
+    assert!(root.join(OsStr::from_bytes(b"l\xffens.toml")).is_file());
+    let photo = data("photos/coffee.png");
+    let photo = photo.as_os_str().as_bytes();
+    let applied = run_bytes(root, &[b"apply", b"run", photo, b"--out", b"o\xffut", b"--json"]);
+    assert_eq!(applied.code, Some(0), "{}", applied.stderr);
+    assert_eq!(applied.json()["pages"][0], "o\u{fffd}ut/coffee-side-by-side.html");
 }
 
 /// Only the argument that is refused is named: a folder may have any name.

@@ -15,6 +15,7 @@ use petzval_camera::image::LinearImage;
 use petzval_camera::isp::{IspError, RgbPicture};
 use petzval_design::error::DesignError;
 use petzval_design::evolution::{Evolution, EvolutionSettings};
+use petzval_design::path_text::path_text;
 use petzval_files::is_picture_turned;
 use petzval_learn::score::{Score, ScoreDescription, ScoredPair};
 use rayon::prelude::*;
@@ -148,7 +149,11 @@ pub(crate) const UNIT: AsUnit<Request> = AsUnit {
 /// all are written after every generation. Once it is cancelled, [`JobError::Stopped`] holds the response with the best settings so far.
 pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let (plan, resumed) = match &request.start {
-        Start::New { plan, .. } => (Plan::clone(plan), None),
+        Start::New { plan, .. } => {
+            // The state of the search keeps them as text.
+            [&plan.raws, &plan.reference].into_iter().try_for_each(|path| path_text(path).map(drop))?;
+            (Plan::clone(plan), None)
+        }
         Start::Resume { folder } => {
             let (folder, kept) = TuneFolder::open(folder)?;
             (kept.plan.clone(), Some((folder, kept)))

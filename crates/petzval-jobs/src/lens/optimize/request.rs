@@ -106,7 +106,7 @@ pub struct Found {
     #[serde(serialize_with = "petzval_base::lossy_path::serialize")]
     pub lens: PathBuf,
     /// The page that shows the lens before and after.
-    #[serde(default)]
+    #[serde(default, serialize_with = "petzval_base::lossy_path::serialize")]
     pub page: PathBuf,
 }
 
