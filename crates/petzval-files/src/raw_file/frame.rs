@@ -1,6 +1,7 @@
 //! A frame of digital numbers, and the limits of its size.
 
 use super::info::{RawInfo, largest_dn};
+use crate::picture_file::MOST_PICTURE_BYTES;
 use petzval_camera::sensor::{Raw, SensorModel};
 
 /// Largest number of pixels of a frame, 2^28: 512 MiB of digital numbers.
@@ -11,6 +12,30 @@ pub(super) const MOST_EXPANSION: u64 = 4096;
 
 /// Memory that a decoder may use in addition to the picture, bytes.
 pub(super) const WORK_SPACE: u64 = 1 << 20;
+
+/// Bytes that a pixel of a frame takes at the end of its reading, when its numbers of 16 bits become numbers of 32.
+const WIDENING_BYTES: u64 = 6;
+
+/// Refuses a frame of so many columns and rows whose reading takes more memory than that of a picture may: `held_bytes` of its file, and
+/// `decoding_bytes` for each pixel as long as the file is held.
+pub(super) fn check_memory(
+    (width, height): (u64, u64),
+    held_bytes: u64,
+    decoding_bytes: u64,
+) -> Result<(), Unreadable> {
+    let pixels = width.saturating_mul(height);
+    let decoding = held_bytes.saturating_add(pixels.saturating_mul(decoding_bytes));
+    let bytes = decoding.max(pixels.saturating_mul(WIDENING_BYTES));
+    if bytes <= MOST_PICTURE_BYTES {
+        return Ok(());
+    }
+    let reason = format!(
+        "the frame of {width} x {height} pixels takes {:.1} GB of memory to read, and at most {:.0} GB are used",
+        bytes as f64 / 1e9,
+        MOST_PICTURE_BYTES as f64 / 1e9
+    );
+    Err(Unreadable { reason, hint: "cut it into parts" })
+}
 
 /// A frame of digital numbers with its metadata. Numbers of up to 24 bits are `u32`.
 #[derive(Debug, Clone, PartialEq)]

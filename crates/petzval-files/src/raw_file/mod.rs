@@ -48,6 +48,8 @@ pub use statistics::{ColourStatistics, colour_statistics};
 
 use petzval_base::{create_whole, write_whole};
 
+use crate::picture_file::MOST_PICTURE_BYTES;
+
 /// Reads a frame of digital numbers of at most 16 bits that are linear in light. The file's first bytes or its extension determine the
 /// format; a packed frame needs a sidecar.
 pub fn load_raw(path: &Path) -> Result<RawFrame, RawFileError> {
@@ -97,7 +99,7 @@ fn load(path: &Path) -> Result<AnyFrame, RawFileError> {
         let bytes = petzval_base::read_whole(path).map_err(RawFileError::io(path))?;
         return Ok(AnyFrame::Narrow(sidecar.unpack(path, &bytes)?));
     }
-    let bytes = petzval_base::read_whole(path).map_err(RawFileError::io(path))?;
+    let bytes = petzval_base::read_at_most(path, MOST_PICTURE_BYTES).map_err(RawFileError::io(path))?;
     let said = |frame: AnyFrame| with_sidecar(path, sidecar.as_ref(), frame);
     let content = |error: Unreadable| RawFileError::content(path, error.reason, error.hint);
     match RawFormat::of(path, &bytes) {
@@ -126,10 +128,11 @@ fn with_sidecar(path: &Path, sidecar: Option<&Sidecar>, frame: AnyFrame) -> Resu
 /// Whether [`load_raw`] is the reader of a file: every raw format, and TIFF and PNG of gray integers. Pictures in colour or of floats are
 /// not digital numbers, and [`load_image`](crate::load_image) reads them.
 pub fn holds_digital_numbers(path: &Path) -> Result<bool, RawFileError> {
-    let bytes = petzval_base::read_whole(path).map_err(RawFileError::io(path))?;
-    Ok(match RawFormat::of(path, &bytes) {
+    let mut file = BufReader::new(petzval_base::open_file(path).map_err(RawFileError::io(path))?);
+    let format = RawFormat::of(path, file.fill_buf().map_err(RawFileError::io(path))?);
+    Ok(match format {
         Some(RawFormat::Packed(_) | RawFormat::Npy | RawFormat::Dng) => true,
-        Some(RawFormat::Tiff | RawFormat::Png) => picture::is_gray(&bytes),
+        Some(RawFormat::Tiff | RawFormat::Png) => picture::is_gray(file),
         Some(RawFormat::Exr) | None => false,
     })
 }
@@ -156,7 +159,7 @@ pub fn load_raw_page(path: &Path, page: usize) -> Result<RawFrame, RawFileError>
         let hint = "has the file changed since its pages were counted?";
         return Err(RawFileError::content(path, reason, hint));
     };
-    let frame = pages::decode_page(open()?, *place).map_err(content)?;
+    let frame = pages::decode_page(open()?, *place, 0).map_err(content)?;
     measurable(path, with_sidecar(path, Sidecar::beside(path)?.as_ref(), frame)?)
 }
 

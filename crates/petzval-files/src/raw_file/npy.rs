@@ -2,7 +2,7 @@
 
 use npyz::{Deserialize, NpyFile, Order, WriterBuilder};
 
-use super::frame::{AnyFrame, MOST_PIXELS, RawFrame, Unreadable};
+use super::frame::{AnyFrame, MOST_PIXELS, RawFrame, Unreadable, check_memory};
 use super::info::{MOST_BITS, RawInfo, largest_dn};
 use crate::npy_array::check_header;
 
@@ -34,45 +34,57 @@ pub(super) fn decode(bytes: &[u8]) -> Result<AnyFrame, Unreadable> {
         );
         return Err(unreadable(reason));
     }
-    let stored = numbers(bytes, &kind.descr()).map_err(unreadable)?;
-    let (height, width, most) = (height as usize, width as usize, f64::from(largest_dn(MOST_BITS)));
-    let mut dn = Vec::with_capacity(stored.len());
-    for row in 0..height {
-        for col in 0..width {
-            let value = match order {
-                Order::C => stored[row * width + col],
-                Order::Fortran => stored[col * height + row],
-            };
-            if !(0.0..=most).contains(&value) || value.fract() != 0.0 {
-                return Err(unreadable(format!(
-                    "the value {value} at row {row}, column {col} is not a whole number from 0 to {most}"
-                )));
-            }
-            dn.push(value as u32);
-        }
-    }
+    // The file, the numbers in 32 bits, and a copy of them in the order of rows or in 16 bits.
+    let copy = if order == Order::Fortran { 4 } else { 2 };
+    check_memory((width, height), bytes.len() as u64, 4 + copy)?;
+    let (height, width) = (height as usize, width as usize);
+    let place = |at: usize| match order {
+        Order::C => (at / width, at % width),
+        Order::Fortran => (at % height, at / height),
+    };
+    let stored = numbers(bytes, &kind.descr(), &place).map_err(unreadable)?;
+    let dn = match order {
+        Order::C => stored,
+        Order::Fortran => (0..height * width).map(|at| stored[at % width * height + at / width]).collect(),
+    };
     let bits = (each == 1).then_some(8);
     Ok(AnyFrame::of(RawFrame { height, width, dn, info: RawInfo { bits, ..RawInfo::default() } }))
 }
 
-/// All numbers of the array as f64, in the order of the file.
-fn numbers(bytes: &[u8], kind: &str) -> Result<Vec<f64>, String> {
-    fn of<T: Deserialize>(bytes: &[u8], wide: fn(T) -> f64) -> Result<Vec<f64>, String> {
+/// All numbers of the array, in the order of the file, in which a number has its row and column by `place`. Fails at the first that is no digital
+/// number.
+fn numbers(bytes: &[u8], kind: &str, place: &dyn Fn(usize) -> (usize, usize)) -> Result<Vec<u32>, String> {
+    fn of<T: Deserialize>(
+        bytes: &[u8],
+        whole: &dyn Fn(usize, f64) -> Result<u32, String>,
+        wide: fn(T) -> f64,
+    ) -> Result<Vec<u32>, String> {
         let array = NpyFile::new(bytes).map_err(|e| e.to_string())?;
-        let data = array.data::<T>().map_err(|e| e.to_string())?;
-        data.map(|value| value.map(wide)).collect::<Result<_, _>>().map_err(|e| e.to_string())
+        let mut all = Vec::with_capacity(array.shape().iter().product::<u64>() as usize);
+        for (at, value) in array.data::<T>().map_err(|e| e.to_string())?.enumerate() {
+            all.push(whole(at, wide(value.map_err(|e| e.to_string())?))?);
+        }
+        Ok(all)
     }
+    let most = f64::from(largest_dn(MOST_BITS));
+    let whole = |at: usize, value: f64| {
+        if (0.0..=most).contains(&value) && value.fract() == 0.0 {
+            return Ok(value as u32);
+        }
+        let (row, col) = place(at);
+        Err(format!("the value {value} at row {row}, column {col} is not a whole number from 0 to {most}"))
+    };
     // Compare NumPy's name of the type without quotes and byte order: 'u2', 'f4'.
     match kind.trim_matches('\'').trim_start_matches(['<', '>', '|', '=']) {
-        "u1" => of::<u8>(bytes, f64::from),
-        "u2" => of::<u16>(bytes, f64::from),
-        "u4" => of::<u32>(bytes, f64::from),
-        "u8" => of::<u64>(bytes, |v| v as f64),
-        "i2" => of::<i16>(bytes, f64::from),
-        "i4" => of::<i32>(bytes, f64::from),
-        "i8" => of::<i64>(bytes, |v| v as f64),
-        "f4" => of::<f32>(bytes, f64::from),
-        "f8" => of::<f64>(bytes, |v| v),
+        "u1" => of::<u8>(bytes, &whole, f64::from),
+        "u2" => of::<u16>(bytes, &whole, f64::from),
+        "u4" => of::<u32>(bytes, &whole, f64::from),
+        "u8" => of::<u64>(bytes, &whole, |v| v as f64),
+        "i2" => of::<i16>(bytes, &whole, f64::from),
+        "i4" => of::<i32>(bytes, &whole, f64::from),
+        "i8" => of::<i64>(bytes, &whole, |v| v as f64),
+        "f4" => of::<f32>(bytes, &whole, f64::from),
+        "f8" => of::<f64>(bytes, &whole, |v| v),
         _ => Err(format!("an array of {kind}, not of numbers")),
     }
 }

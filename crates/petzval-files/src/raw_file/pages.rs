@@ -6,7 +6,7 @@ use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::{PhotometricInterpretation, Tag};
 use tiff::{ColorType, TiffError, TiffUnsupportedError};
 
-use super::frame::{AnyFrame, MOST_EXPANSION, MOST_PIXELS, RawFrame, Unreadable, WORK_SPACE};
+use super::frame::{AnyFrame, MOST_EXPANSION, MOST_PIXELS, RawFrame, Unreadable, WORK_SPACE, check_memory};
 use super::info::{MOST_BITS, RawInfo, largest_dn, turning};
 
 const HINT: &str = "a raw frame is a gray TIFF of whole numbers, 8, 16 or 32 bits a sample";
@@ -57,14 +57,19 @@ fn images_said(description: &str) -> Option<usize> {
     (sides.len() == 3).then(|| sides[0])
 }
 
-/// Reads the picture at a place of [`pages`].
-pub(super) fn decode_page(file: impl Read + Seek, place: usize) -> Result<AnyFrame, Unreadable> {
+/// Reads the picture at a place of [`pages`]. The caller holds `held_bytes` of the file in memory.
+pub(super) fn decode_page(
+    file: impl Read + Seek,
+    place: usize,
+    held_bytes: u64,
+) -> Result<AnyFrame, Unreadable> {
     let mut tiff = open(file)?;
     if place > 0 {
         tiff.decoder.seek_to_image(place).map_err(|error| tiff.unreadable(error))?;
     }
     // Memory for a number; those of 8 bits become 16.
-    let each = u64::from(tiff.kept_bits()?.max(16) / 8);
+    let sample = u64::from(tiff.kept_bits()? / 8);
+    let each = sample.max(2);
     let (width, height) = tiff.decoder.dimensions().map_err(|error| tiff.unreadable(error))?;
     let pixels = u64::from(width) * u64::from(height);
     // A damaged header can claim any size: limit the picture to what the file's bytes can expand to.
@@ -76,6 +81,13 @@ pub(super) fn decode_page(file: impl Read + Seek, place: usize) -> Result<AnyFra
         )));
     }
     tiff.check_length()?;
+    // Numbers of 8 bits are copied to 16, those of 32 as well if they fit; signed ones to 32 bits first.
+    let copies = match (sample, tiff.is_signed()) {
+        (2, false) => 0,
+        (_, false) => 2,
+        (_, true) => 6,
+    };
+    check_memory((width.into(), height.into()), held_bytes, sample + copies)?;
     let orientation = tiff.decoder.find_tag_unsigned(Tag::Orientation).ok().flatten().and_then(turning);
     let mut limits = Limits::default();
     limits.decoding_buffer_size = most as usize;
@@ -161,6 +173,12 @@ impl<R: Read + Seek> Tiff<R> {
             (_, 8 | 16 | 32) => Ok(bits),
             _ => Err(refused(format!("samples of {bits} bits"))),
         }
+    }
+
+    /// Whether samples may be negative, as far as the file says.
+    fn is_signed(&mut self) -> bool {
+        let format = self.decoder.find_tag_unsigned_vec::<u16>(Tag::SampleFormat).ok().flatten();
+        format.is_some_and(|all| all.first() == Some(&2))
     }
 
     /// Refuses a file that ends before the samples that it lists.

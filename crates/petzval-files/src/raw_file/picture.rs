@@ -1,8 +1,8 @@
 //! Raw frames as gray TIFF and PNG pictures.
 
-use std::io::Cursor;
+use std::io::{BufRead, Cursor, Seek};
 
-use super::frame::{AnyFrame, MOST_EXPANSION, MOST_PIXELS, RawFrame, Unreadable, WORK_SPACE};
+use super::frame::{AnyFrame, MOST_EXPANSION, MOST_PIXELS, RawFrame, Unreadable, WORK_SPACE, check_memory};
 use super::info::{RawInfo, turning};
 use super::pages::{decode_page, is_tiff, pages};
 use crate::picture_file::reader_of;
@@ -17,7 +17,7 @@ const HINT: &str = "a raw frame is a gray TIFF or PNG of 8 or 16 bits, a NumPy a
 pub(super) fn decode(bytes: &[u8]) -> Result<AnyFrame, Unreadable> {
     if is_tiff(bytes) {
         return match pages(Cursor::new(bytes))?[..] {
-            [place] => decode_page(Cursor::new(bytes), place),
+            [place] => decode_page(Cursor::new(bytes), place, bytes.len() as u64),
             ref all => Err(Unreadable {
                 reason: format!("a TIFF file of {} pages, but a raw frame is one page", all.len()),
                 hint: "split it; only in the captures of a characterisation are the pages of a file frames of a point",
@@ -30,7 +30,10 @@ pub(super) fn decode(bytes: &[u8]) -> Result<AnyFrame, Unreadable> {
     check_kept(bytes, reader.format()).map_err(unreadable)?;
     // A damaged header can claim any size: limit the picture to what the file's bytes can expand to.
     let mut limits = Limits::default();
-    let most = MOST_EXPANSION.saturating_mul(bytes.len() as u64).min(2 * MOST_PIXELS);
+    let held = bytes.len() as u64;
+    let expanded = MOST_EXPANSION.saturating_mul(held);
+    check_head(bytes, expanded)?;
+    let most = expanded.min(2 * MOST_PIXELS);
     limits.max_alloc = Some(most + WORK_SPACE);
     reader.limits(limits);
     let picture = reader.decode().map_err(|e| unreadable(undecoded(&e)))?;
@@ -53,6 +56,18 @@ pub(super) fn decode(bytes: &[u8]) -> Result<AnyFrame, Unreadable> {
     Ok(AnyFrame::Narrow(RawFrame { height, width, dn, info }))
 }
 
+/// Refuses a picture whose head says that reading it takes too much memory, if the file can expand to so many bytes. Errors of a damaged head are
+/// those of the decoder.
+fn check_head(bytes: &[u8], expanded: u64) -> Result<(), Unreadable> {
+    let decoder = reader_of(Cursor::new(bytes)).ok().and_then(|reader| reader.into_decoder().ok());
+    let Some(decoder) = decoder.filter(|decoder| decoder.total_bytes() <= expanded) else { return Ok(()) };
+    let (width, height) = decoder.dimensions();
+    let sample = u64::from(decoder.color_type().bytes_per_pixel());
+    // Numbers of 8 bits are copied to 16.
+    let copy = if sample == 1 { 2 } else { 0 };
+    check_memory((width.into(), height.into()), bytes.len() as u64, sample + copy)
+}
+
 /// The orientation in the EXIF data of a picture, if it turns the picture.
 fn orientation(bytes: &[u8]) -> Option<u8> {
     let mut decoder = reader_of(Cursor::new(bytes)).ok()?.into_decoder().ok()?;
@@ -60,8 +75,8 @@ fn orientation(bytes: &[u8]) -> Option<u8> {
 }
 
 /// Whether a TIFF or PNG file holds gray integers, as far as its header says.
-pub(super) fn is_gray(bytes: &[u8]) -> bool {
-    let decoder = reader_of(Cursor::new(bytes)).ok().and_then(|reader| reader.into_decoder().ok());
+pub(super) fn is_gray(file: impl BufRead + Seek) -> bool {
+    let decoder = reader_of(file).ok().and_then(|reader| reader.into_decoder().ok());
     decoder.is_some_and(|decoder| matches!(decoder.color_type(), ColorType::L8 | ColorType::L16))
 }
 

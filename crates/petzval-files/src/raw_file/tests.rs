@@ -235,6 +235,38 @@ fn numpy_arrays_of_other_types_and_orders_are_read() {
     }
 }
 
+/// The checksum of a chunk of a PNG.
+fn crc32(bytes: &[u8]) -> u32 {
+    let bit = |crc: u32, _: u32| (crc >> 1) ^ (0xedb8_8320 & (crc & 1).wrapping_neg());
+    !bytes.iter().fold(u32::MAX, |crc, byte| (0..8).fold(crc ^ u32::from(*byte), bit))
+}
+
+#[test]
+fn a_frame_that_takes_too_much_memory_is_refused_by_its_head() {
+    // Gray PNGs of 22000 rows; the data would be damaged, and are not reached.
+    let png_of = |bits: u8, columns: u32| {
+        let chunk = |name: &[u8; 4], data: &[u8]| {
+            let named = [&name[..], data].concat();
+            [&(data.len() as u32).to_be_bytes()[..], &named, &crc32(&named).to_be_bytes()].concat()
+        };
+        let head = [&columns.to_be_bytes()[..], &22_000_u32.to_be_bytes(), &[bits, 0, 0, 0, 0]].concat();
+        let data = vec![0_u8; 500_000];
+        [&b"\x89PNG\r\n\x1a\n"[..], &chunk(b"IHDR", &head), &chunk(b"IDAT", &data)].concat()
+    };
+    let says = |bytes: &[u8]| picture::decode(bytes).map(AnyFrame::widened).map_err(|e| e.reason);
+    for bits in [8, 16] {
+        let said = says(&png_of(bits, 22_000)).unwrap_err();
+        assert!(
+            said.contains("22000 x 22000 pixels takes 2.9 GB") && said.contains("at most 2 GB"),
+            "{said}"
+        );
+    }
+    let damaged = says(&png_of(8, 100)).unwrap_err();
+    assert!(!damaged.contains("GB"), "{damaged}");
+    // A frame of 150 million pixels in 16 bits is read, also as the transposed array that takes most.
+    assert!(frame::check_memory((14_204, 10_652), 302_600_000, 8).is_ok());
+}
+
 #[test]
 fn frames_of_more_than_16_bits_are_read_for_an_isp_and_not_for_measurements() {
     use tiff::encoder::{TiffEncoder, colortype};
