@@ -73,6 +73,7 @@ pub mod simulate;
 mod state_file;
 pub mod table;
 pub mod task_view;
+mod temporary_folder;
 pub mod threads;
 pub mod train;
 pub mod usual;
@@ -95,6 +96,7 @@ pub use petzval_design::library::Library;
 pub use results::NOWHERE;
 pub use settings::settings_of;
 pub use table::{Table, jobs, row};
+pub use temporary_folder::TemporaryFolder;
 pub use threads::MOST_THREADS;
 
 /// What outlives a call may go from thread to thread: a server keeps it.

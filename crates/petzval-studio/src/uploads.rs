@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use petzval_base::write_whole;
+use petzval_jobs::TemporaryFolder;
 use serde_json::Value;
-use tempfile::TempDir;
 
 /// Most pictures that are kept; the oldest goes first.
 const MOST: usize = 8;
@@ -19,17 +19,15 @@ const KEY: &str = "photo";
 
 /// The pictures.
 pub struct Uploads {
-    folder: TempDir,
+    folder: TemporaryFolder,
     kept: Mutex<VecDeque<(String, PathBuf)>>,
 }
 
 impl Uploads {
-    /// None so far.
+    /// None so far. What studios have left that were killed is removed.
     pub fn new() -> std::io::Result<Self> {
-        Ok(Self {
-            folder: tempfile::Builder::new().prefix("petzval-studio-").tempdir()?,
-            kept: Mutex::default(),
-        })
+        TemporaryFolder::sweep_left();
+        Ok(Self { folder: TemporaryFolder::new("studio")?, kept: Mutex::default() })
     }
 
     /// The folder, which only this user can read.
@@ -62,5 +60,26 @@ impl Uploads {
         if let Some((_, path)) = kept.iter().find(|(known, _)| known == name) {
             *name = path.display().to_string();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_of_killed_studios_are_removed_and_those_of_this_one_are_not() {
+        // No process has this number: it is above the largest that Linux gives.
+        let ending = ".1073741824-0.part";
+        let left = tempfile::Builder::new().prefix(".petzval-studio-").suffix(ending).tempdir().unwrap();
+        std::fs::write(left.path().join("0123456789abcdef"), "a picture").unwrap();
+        let uploads = Uploads::new().unwrap();
+        assert!(!left.path().exists() && uploads.folder().is_dir());
+        // Another studio finds whose the folder is by its name.
+        let own = uploads.folder().to_string_lossy().into_owned();
+        assert!(own.ends_with(&format!(".{}-0.part", std::process::id())), "{own}");
+        uploads.keep(b"a picture").unwrap();
+        drop(uploads);
+        assert!(!Path::new(&own).exists());
     }
 }

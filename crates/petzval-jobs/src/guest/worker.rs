@@ -16,6 +16,7 @@ use serde_json::Value;
 use super::message::{self, AnswerHeader};
 use crate::named_isp::external::process::stop;
 use crate::named_isp::external::workplace::Workplace;
+use crate::temporary_folder::TemporaryFolder;
 
 /// Receives each line that classes print, and the traceback of each exception of theirs.
 pub type Said = Arc<dyn Fn(&str) + Send + Sync>;
@@ -110,6 +111,7 @@ impl Worker {
         said: Said,
     ) -> Result<Self, GuestError> {
         let system = |error: io::Error| GuestError::Gone(format!("cannot be started: {error}"));
+        TemporaryFolder::sweep_left();
         let workplace = Workplace::new().map_err(system)?;
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         // A group of its own: an interrupt of the terminal is for the job, and an end reaches what the worker has started.

@@ -9,7 +9,7 @@ use petzval_base::simd::level;
 use petzval_design::experiment::{BlockName, Experiment};
 use petzval_design::run::read_events;
 use petzval_jobs::design::{self, Changes, Request, Run};
-use petzval_jobs::{Context, JobError, Result, Stopped};
+use petzval_jobs::{Context, JobError, Result, Stopped, TemporaryFolder};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -114,8 +114,9 @@ fn cost_of(first: &PlannedUnit, context: &Context) -> Result<(f64, u64)> {
 }
 
 /// A folder for the unit that is timed. It is removed when the value is dropped.
-fn own_folder() -> Result<tempfile::TempDir> {
-    tempfile::tempdir().map_err(|e| JobError::failed(format!("a folder for the unit that is timed: {e}")))
+fn own_folder() -> Result<TemporaryFolder> {
+    TemporaryFolder::sweep_left();
+    TemporaryFolder::new("estimate").map_err(|e| JobError::failed(format!("a folder for the unit that is timed: {e}")))
 }
 
 /// How the estimate ends that was cancelled: the folder of its unit is removed.

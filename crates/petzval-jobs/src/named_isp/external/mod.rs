@@ -24,7 +24,8 @@ use petzval_files::isp_file::{
 
 use self::cache::Cache;
 use self::process::{End, run_within};
-use self::workplace::{Workplace, sweep_left};
+use self::workplace::Workplace;
+use crate::temporary_folder::TemporaryFolder;
 
 /// Longest picture file that is read: three values of eight bytes for each pixel, text of as many characters, and a header.
 const MOST_BYTES_PER_PIXEL: u64 = 32;
@@ -60,7 +61,7 @@ impl ExternalIsp {
     pub fn new(about: ExternalIspFile, home: &Path, cancel: Cancel) -> std::io::Result<Self> {
         // A command runs in its own folder, where a relative path would have another meaning.
         let home = std::path::absolute(home)?;
-        sweep_left();
+        TemporaryFolder::sweep_left();
         let cache = about.cache.as_ref().map(|folder| Cache::open(&home.join(folder))).transpose()?;
         let places = Places::new(about.parallel);
         Ok(Self { about, home, cache, places, cancel })
