@@ -646,15 +646,15 @@ fn changed(mut experiment: Experiment, changes: &Changes, context: &Context) -> 
 fn check_said_once(changes: &Changes) -> Result<()> {
     let Changes { seed, photos, data, steps, is_full, set, .. } = changes;
     let fields = [
-        ("seed", seed.is_some(), &["seed"][..]),
-        ("photos", photos.is_some(), &["photos"]),
-        ("data", data.is_some(), &["data"]),
-        ("steps", steps.is_some(), &["training.steps", "isp.steps"]),
-        ("is_full", *is_full, &["training.steps", "isp.steps", "network.base_channels", "training.batch"]),
+        ("--seed", seed.is_some(), &["seed"][..]),
+        ("--photos", photos.is_some(), &["photos"]),
+        ("--data", data.is_some(), &["data"]),
+        ("--steps", steps.is_some(), &["training.steps", "isp.steps"]),
+        ("--full", *is_full, &["training.steps", "isp.steps", "network.base_channels", "training.batch"]),
     ];
-    for (field, _, keys) in fields.into_iter().filter(|(_, is_used, _)| *is_used) {
+    for (option, _, keys) in fields.into_iter().filter(|(_, is_used, _)| *is_used) {
         if let Some((key, value)) = set.iter().find(|(key, _)| keys.contains(&key.as_str())) {
-            let message = format!("`{field}` of the request decides that");
+            let message = format!("{option} decides that as well");
             return Err(JobError::setting(
                 "set",
                 format!("{key}={value}"),

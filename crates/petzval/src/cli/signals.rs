@@ -1,16 +1,17 @@
-//! Ctrl-C, SIGTERM, and SIGUSR1 and SIGUSR2, which batch systems send before the end of a time limit, stop a job.
+//! Ctrl-C, SIGTERM, and SIGUSR1 and SIGUSR2, which batch systems send before the end of a time limit, stop a job. So does SIGXCPU, which the
+//! kernel sends at a limit of CPU time (`ulimit -S -t`).
 //!
 //! Jobs that can be continued end after the current step; a second Ctrl-C stops them at once. All others end at once, except that an
 //! external ISP is stopped first, with its processes and its folder; a design stops it in the middle of a step.
 //!
-//! The other signals may be repeated. A batch system sends them to the job's shell, which passes them on, and to the job; and again at the end of
+//! The other signals may be repeated. The kernel sends SIGXCPU every second from the limit on. A batch system sends them to the job's shell, which passes them on, and to the job; and again at the end of
 //! the grace time, when the checkpoint may still be being written.
 
 use std::time::Duration;
 
 use crate::base::Cancel;
 use crate::jobs::{Row, machine, row};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2, SIGXCPU};
 use signal_hook::iterator::Signals;
 
 use crate::cli::failure::Failure;
@@ -90,7 +91,7 @@ pub fn end_within(grace: Duration) -> Result<Cancel, Failure> {
 
 /// The signals that end a job. The loss of its terminal ends it as well, unless the job was started by `nohup`.
 fn handled() -> Result<Signals, Failure> {
-    let all = [SIGINT, SIGTERM, SIGHUP, SIGUSR1, SIGUSR2];
+    let all = [SIGINT, SIGTERM, SIGHUP, SIGUSR1, SIGUSR2, SIGXCPU];
     let handled = all.into_iter().filter(|signal| *signal != SIGHUP || !machine::ignores_signal(*signal));
     Signals::new(handled).map_err(|e| Failure::job(format!("signal handlers: {e}")))
 }

@@ -402,7 +402,7 @@ fn settings_of_the_command_line_are_those_of_the_printed_experiment() {
         (&["psf.grid=48", "--set", "psf.grid=64"], &["this key is set twice"]),
         (
             &["training.steps=5", "--steps", "4"],
-            &["--set training.steps=5: `steps` of the request decides that"],
+            &["--set training.steps=5: --steps decides that as well"],
         ),
         (
             &["variant.best.noise=off"],

@@ -156,8 +156,8 @@ fn half_written_files_of_a_crash_are_ignored() {
 
 #[test]
 fn a_signal_stops_after_a_checkpoint_and_the_run_resumes() {
-    // HUP is what a lost terminal sends, USR1 and USR2 what batch systems send before a time limit.
-    for (signal, steps) in [("TERM", 0), ("USR1", 2), ("HUP", 7), ("INT", 13), ("USR2", 17)] {
+    // HUP is what a lost terminal sends, USR1 and USR2 what batch systems send before a time limit, XCPU the kernel at a limit of CPU time.
+    for (signal, steps) in [("TERM", 0), ("USR1", 2), ("XCPU", 5), ("HUP", 7), ("INT", 13), ("USR2", 17)] {
         let folder = tempfile::tempdir().unwrap();
         let (child, run) = started(folder.path(), steps);
         let pid = child.id().to_string();
