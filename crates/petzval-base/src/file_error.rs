@@ -3,6 +3,8 @@
 use std::fmt;
 use std::ops::Range;
 
+use serde::de::DeserializeOwned;
+
 /// One error in a file. The caller, who opened the file, adds its path.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub struct FileError {
@@ -146,6 +148,22 @@ impl FileError {
         Self { line: None, column: None, key, value: String::new(), message, hint }
     }
 
+    /// Reads TOML. The reader takes tables in the order of their names; of several wrong keys and values, the error is about the first of the text.
+    pub fn read_toml<T: DeserializeOwned>(text: &str) -> Result<T, Self> {
+        let mut error = match toml::from_str(text) {
+            Ok(read) => return Ok(read),
+            Err(error) => error,
+        };
+        while let Some(above) = lines_above(text, &error)
+            && let Err(earlier) = toml::from_str::<T>(above)
+            && is_of_a_key(&earlier)
+            && earlier.span().is_some_and(|span| span.start < above.len())
+        {
+            error = earlier;
+        }
+        Err(Self::from_toml(text, &error))
+    }
+
     /// Turns an error of the TOML reader into one with key, value and, for an unknown key, the nearest known key as a hint.
     pub fn from_toml(text: &str, error: &toml::de::Error) -> Self {
         let span = error.span().unwrap_or(0..0);
@@ -198,6 +216,18 @@ impl FileError {
             _ => Self::at(text, span, "", message),
         }
     }
+}
+
+/// The lines above that of an error, if there are any.
+fn lines_above<'t>(text: &'t str, error: &toml::de::Error) -> Option<&'t str> {
+    let end = text.get(..error.span()?.start)?.rfind('\n')? + 1;
+    text.get(..end)
+}
+
+/// Whether an error is about a key or a value that stands in the text: it is wrong whatever follows.
+fn is_of_a_key(error: &toml::de::Error) -> bool {
+    let starts = ["unknown field", "unknown variant", "invalid type", "invalid value"];
+    starts.iter().any(|start| error.message().starts_with(start))
 }
 
 /// The path of keys that a header such as `[variant.stage]` names up to the end of `span`; `None` outside of headers.
@@ -515,6 +545,36 @@ mod tests {
         let text = "a = 1\nseed = 18446744073709551615";
         let error = FileError::from_toml(text, &toml::from_str::<toml::Table>(text).unwrap_err());
         assert_eq!((error.message.as_str(), error.line), (super::WHOLE_NUMBERS_OF_TOML, Some(2)));
+    }
+
+    #[test]
+    fn of_several_wrong_keys_the_first_of_the_text_is_named() {
+        #[derive(Debug, Default, serde::Deserialize)]
+        #[serde(default, deny_unknown_fields)]
+        #[allow(dead_code, reason = "only errors are looked at")]
+        struct Part {
+            steps: u64,
+        }
+        #[derive(Debug, Default, serde::Deserialize)]
+        #[serde(default, deny_unknown_fields)]
+        #[allow(dead_code, reason = "only errors are looked at")]
+        struct File {
+            name: String,
+            spot: Part,
+            exposure: Part,
+        }
+        let wrong = "[exposure]\ntime = 3\n";
+        for (above, key) in [
+            ("", "time"),
+            ("name = \"a\"\n[spot]\nsteps = 1\n", "time"),
+            ("name = \"a\"\n[spot]\nstesp = 1\n", "stesp"),
+            ("[spot]\nsteps = \"many\"\n", "steps"),
+            ("naem = \"a\"\n[spot]\nstesp = 1\n", "naem"),
+        ] {
+            let error = FileError::read_toml::<File>(&format!("{above}{wrong}")).unwrap_err();
+            assert_eq!(error.key, key, "{error}");
+        }
+        assert_eq!(FileError::read_toml::<File>("[spot]\nsteps = 7\n").unwrap().spot.steps, 7);
     }
 
     #[test]

@@ -100,7 +100,7 @@ pub enum Figure {
 
 /// Reads an operand file. Errors name line, key, value and a hint.
 pub fn parse_operands(text: &str) -> Result<OperandFile, FileError> {
-    let file: OperandFile = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+    let file: OperandFile = FileError::read_toml(text)?;
     if !(file.spot_weight >= 0.0 && file.spot_weight.is_finite()) {
         let error = FileError::at_key(text, &["spot_weight"], "must be a number from 0");
         return Err(error.hint("1 for the spots beside the operands, 0 for the operands alone"));

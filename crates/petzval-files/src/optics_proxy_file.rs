@@ -43,7 +43,7 @@ pub struct OpticsProxyFile {
 impl OpticsProxyFile {
     /// Reads a description.
     pub fn parse(text: &str) -> Result<Self, FileError> {
-        let file: Self = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+        let file: Self = FileError::read_toml(text)?;
         if file.mean.len() != file.deviation.len() {
             return Err(FileError::at_key(text, &["deviation"], "there must be as many as means"));
         }

@@ -6,7 +6,7 @@ use petzval_camera::spectral::SpectrumTable;
 
 /// Reads and checks a file of curves: the keys of a sensor file's `[quantum_efficiency]`, at the top level.
 pub fn parse_quantum_efficiency_toml(text: &str) -> Result<QuantumEfficiency, FileError> {
-    let curves: QuantumEfficiency = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+    let curves: QuantumEfficiency = FileError::read_toml(text)?;
     curves.validate().map_err(|wrong| {
         let key = wrong.key.rsplit('.').next().unwrap_or(wrong.key);
         FileError::at_key(text, &[key], wrong.to_string()).hint(format!("give {}", wrong.meaning))

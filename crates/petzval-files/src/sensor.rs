@@ -5,8 +5,7 @@ use petzval_camera::sensor::{NonUniformity, SensorModel};
 
 /// Reads a sensor file and checks that every number is in its physical range.
 pub fn parse_sensor(text: &str) -> Result<SensorModel, FileError> {
-    let sensor: SensorModel =
-        toml::from_str(text).map_err(|e| all_missing(text, in_its_table(FileError::from_toml(text, &e))))?;
+    let sensor: SensorModel = FileError::read_toml(text).map_err(|e| all_missing(text, in_its_table(e)))?;
     sensor.validate().map_err(|wrong| {
         let path: Vec<&str> = wrong.key.split('.').collect();
         FileError::at_key(text, &path, wrong.to_string()).hint(format!("give {}", wrong.meaning))

@@ -180,7 +180,7 @@ const SETTINGS: [(&str, Quantity); 6] = [
 
 /// Reads the tolerances of a lens.
 pub fn parse_tolerances(text: &str, lens: &Lens) -> Result<ToleranceFile, FileError> {
-    let file: FileText = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+    let file: FileText = FileError::read_toml(text)?;
     let reader = Reader { text, lens };
     let grade = file.grade.as_ref().map(|g| reader.grade(g)).transpose()?;
     let distribution = reader.distribution(file.distribution.as_ref())?.unwrap_or_default();

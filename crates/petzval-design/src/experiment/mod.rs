@@ -149,10 +149,9 @@ impl Default for Experiment {
 impl Experiment {
     /// Reads an experiment without a check. Errors name line, key, value and a hint.
     pub(crate) fn read(text: &str) -> Result<Self, FileError> {
-        let wrong = |e: toml::de::Error| former_keys::with_hint(FileError::from_toml(text, &e), text);
-        let read = toml::from_str(text).map_err(wrong)?;
+        let read = FileError::read_toml(text).map_err(|error| former_keys::with_hint(error, text))?;
         // A run writes its experiment as TOML, which cannot hold every number of 64 bits without a sign.
-        toml::from_str::<toml::Table>(text).map_err(wrong)?;
+        FileError::read_toml::<toml::Table>(text)?;
         Ok(read)
     }
 

@@ -60,7 +60,7 @@ impl Tasks {
 
     /// The same with a preset: a text with `task = "NAME"` and tables `[[class]]`.
     pub fn with_preset(mut self, name: &str, text: &str) -> Result<Self, FileError> {
-        let PresetFile { task } = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+        let PresetFile { task } = FileError::read_toml(text)?;
         self.presets.retain(|preset| preset.name != name);
         self.presets.push(Preset { name: name.to_owned(), task, classes: Classes::parse(text)? });
         Ok(self)

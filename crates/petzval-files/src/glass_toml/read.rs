@@ -21,7 +21,7 @@ struct CatalogText {
 
 /// Reads a glass catalogue from its text.
 pub fn parse_catalog(text: &str) -> Result<Catalog, FileError> {
-    let file: CatalogText = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+    let file: CatalogText = FileError::read_toml(text)?;
     read_glasses(text, &file.glass)
 }
 

@@ -101,7 +101,7 @@ fn one() -> usize {
 
 /// Reads the description of an external ISP and checks it.
 pub fn parse_external_isp(text: &str) -> Result<ExternalIspFile, FileError> {
-    let keys: Keys = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+    let keys: Keys = FileError::read_toml(text)?;
     let wrong =
         |path: &[&str], message: &str, hint: &str| Err(FileError::at_key(text, path, message).hint(hint));
     if keys.command.first().is_none_or(|program| program.is_empty()) {

@@ -37,7 +37,7 @@ pub enum IspFile {
 /// Reads a file about an ISP. One with the key `command` describes an external ISP, one with the key `isp` holds settings of such an ISP, one
 /// with the key `proxy_of` describes a network that imitates an ISP, any other is a preset.
 pub fn parse_isp_file(text: &str) -> Result<IspFile, FileError> {
-    let table: Table = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+    let table: Table = FileError::read_toml(text)?;
     if table.contains_key("command") {
         return parse_external_isp(text).map(IspFile::External);
     }

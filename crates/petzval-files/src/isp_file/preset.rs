@@ -8,7 +8,7 @@ use super::settings::{key_path, stages_toml};
 
 /// Reads a preset and checks every number of it.
 pub fn parse_isp_preset(text: &str) -> Result<IspPreset, FileError> {
-    let preset: IspPreset = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+    let preset: IspPreset = FileError::read_toml(text)?;
     let parameters = IspSettings::parameters();
     if ![8, 10, 16].contains(&preset.settings.bits) {
         let error = FileError::at_key(text, &["settings", "bits"], "must be 8, 10 or 16");

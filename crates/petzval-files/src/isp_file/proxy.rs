@@ -35,6 +35,6 @@ pub struct IspProxyFile {
 impl IspProxyFile {
     /// Reads a description.
     pub(super) fn parse(text: &str) -> Result<Self, FileError> {
-        toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))
+        FileError::read_toml(text)
     }
 }

@@ -34,7 +34,7 @@ pub(crate) struct Keys {
 impl IspSettingsFile {
     /// Reads settings; their values are checked once the ISP is known.
     pub(super) fn parse(text: &str) -> Result<Self, FileError> {
-        let keys: Keys = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+        let keys: Keys = FileError::read_toml(text)?;
         Ok(Self { isp: keys.isp, tables: keys.settings, text: text.to_owned() })
     }
 

@@ -57,7 +57,7 @@ pub fn parse_lens(text: &str, catalog: &Catalog) -> Result<LensFile, FileError> 
 /// Reads a lens file to start an optimisation from. The error beside the lens says why it cannot be built: its glass is thinner than nothing, or its
 /// surfaces cross. Clear semi-diameters that the file leaves out follow from the beams of its fields.
 pub fn parse_lens_start(text: &str, catalog: &Catalog) -> Result<Import, FileError> {
-    let file: LensText = toml::from_str(text).map_err(|e| with_hint(FileError::from_toml(text, &e)))?;
+    let file: LensText = FileError::read_toml(text).map_err(with_hint)?;
     let reader = Reader { text };
 
     if file.units.get_ref() != "mm" {

@@ -32,7 +32,7 @@ pub struct OldAxes {
 }
 
 pub fn parse(text: &str) -> Result<OldAxes, FileError> {
-    toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))
+    FileError::read_toml(text)
 }
 
 /// The bank of axes with this text, and of the bytes of their array.

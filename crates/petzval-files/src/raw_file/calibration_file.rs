@@ -54,7 +54,7 @@ impl FrameCalibration {
 
     /// Reads and checks the text of a file.
     pub fn from_toml(text: &str) -> Result<Self, FileError> {
-        let calibration: Self = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+        let calibration: Self = FileError::read_toml(text)?;
         if let Some(Fault { key, message, hint, is_short }) = calibration.fault() {
             let error = FileError::at_key(text, &[key], message).hint(hint);
             return Err(if is_short { error } else { error.without_value() });

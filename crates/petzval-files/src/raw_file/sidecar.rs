@@ -108,7 +108,7 @@ impl Sidecar {
 
     /// Reads and checks the text of a sidecar.
     pub fn from_toml(text: &str) -> Result<Self, FileError> {
-        let keys: Keys = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+        let keys: Keys = FileError::read_toml(text)?;
         let info = RawInfo {
             sensor: keys.sensor,
             bits: keys.bits,

@@ -62,7 +62,7 @@ struct Scale {
 
 /// Reads the factor in the sidecar of an OpenEXR file.
 pub(super) fn parse_scale(text: &str) -> Result<f64, FileError> {
-    let read: Scale = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+    let read: Scale = FileError::read_toml(text)?;
     check_unit(text, read.scale, &read.unit)?;
     Ok(read.scale)
 }
@@ -87,7 +87,7 @@ pub fn sidecar_path(image: &Path) -> PathBuf {
 impl Sidecar {
     /// Reads and checks a sidecar.
     pub fn parse(text: &str) -> Result<Self, FileError> {
-        let sidecar: Self = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+        let sidecar: Self = FileError::read_toml(text)?;
         let wrong = |key: &str, message: &str, hint: &str| {
             Err(FileError::at_key(text, &[key], message.to_owned()).hint(hint.to_owned()))
         };

@@ -125,7 +125,7 @@ pub fn unspanned<T>(value: T) -> Spanned<T> {
 impl Manifest {
     /// Reads and checks a manifest, without checking that its files exist.
     pub fn from_toml(text: &str) -> Result<Self, FileError> {
-        let manifest: Self = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+        let manifest: Self = FileError::read_toml(text)?;
         manifest.check(text)?;
         Ok(manifest)
     }

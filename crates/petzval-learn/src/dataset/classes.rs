@@ -92,7 +92,7 @@ struct ClassTables {
 impl Classes {
     /// The tables `[[class]]` of a text.
     pub fn parse(text: &str) -> Result<Self, FileError> {
-        let tables: ClassTables = toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))?;
+        let tables: ClassTables = FileError::read_toml(text)?;
         Ok(tables.class.into())
     }
 

@@ -139,7 +139,7 @@ impl Source {
 
 /// Reads the text of a sweep. Errors name line, key, value and a hint.
 pub fn parse(text: &str) -> Result<SweepFile, FileError> {
-    toml::from_str(text).map_err(|e| FileError::from_toml(text, &e))
+    FileError::read_toml(text)
 }
 
 /// An error of a file.

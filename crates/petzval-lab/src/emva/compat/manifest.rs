@@ -78,7 +78,7 @@ struct Entry {
 
 /// Reads the text of `captures.toml` in `folder`.
 pub fn parse(text: &str, folder: &Path) -> Result<Captures, FileError> {
-    let file: File = toml::from_str(text).map_err(|e| names_dark(FileError::from_toml(text, &e)))?;
+    let file: File = FileError::read_toml(text).map_err(names_dark)?;
     let within = |key: &str, value: &Spanned<f64>, low: f64, high: f64, meaning: &str| {
         let v = *value.get_ref();
         if (low..=high).contains(&v) {
