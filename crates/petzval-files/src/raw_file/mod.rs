@@ -132,9 +132,21 @@ pub fn holds_digital_numbers(path: &Path) -> Result<bool, RawFileError> {
     let format = RawFormat::of(path, file.fill_buf().map_err(RawFileError::io(path))?);
     Ok(match format {
         Some(RawFormat::Packed(_) | RawFormat::Npy | RawFormat::Dng) => true,
-        Some(RawFormat::Tiff | RawFormat::Png) => picture::is_gray(file),
+        Some(RawFormat::Tiff | RawFormat::Png) => picture::gray_bits(file).is_some(),
         Some(RawFormat::Exr) | None => false,
     })
+}
+
+/// Camera and exposure as the sidecar and the head of a TIFF or PNG file state them, before its numbers are read. `None` of other files.
+pub fn stated_info(path: &Path) -> Result<Option<RawInfo>, RawFileError> {
+    let sidecar = Sidecar::beside(path)?;
+    let mut file = BufReader::new(petzval_base::open_file(path).map_err(RawFileError::io(path))?);
+    let format = RawFormat::of(path, file.fill_buf().map_err(RawFileError::io(path))?);
+    let is_picture = matches!(format, Some(RawFormat::Tiff | RawFormat::Png));
+    let Some(stored) = is_picture.then(|| picture::gray_bits(file)).flatten() else { return Ok(None) };
+    // The numbers of a 16-bit file may have fewer bits.
+    let of_file = RawInfo { bits: (stored == 8).then_some(8), ..RawInfo::default() };
+    Ok(Some(sidecar.map(|sidecar| sidecar.info).unwrap_or_default().or(of_file)))
 }
 
 /// Number of frames in a file: for a TIFF its pages without thumbnails and masks, for every other file 1.

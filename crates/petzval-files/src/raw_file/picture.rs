@@ -74,10 +74,14 @@ fn orientation(bytes: &[u8]) -> Option<u8> {
     turning(decoder.orientation().ok()?.to_exif().into())
 }
 
-/// Whether a TIFF or PNG file holds gray integers, as far as its header says.
-pub(super) fn is_gray(file: impl BufRead + Seek) -> bool {
-    let decoder = reader_of(file).ok().and_then(|reader| reader.into_decoder().ok());
-    decoder.is_some_and(|decoder| matches!(decoder.color_type(), ColorType::L8 | ColorType::L16))
+/// Bits of the gray integers of a TIFF or PNG file, 8 or 16, as far as its header says; none of others.
+pub(super) fn gray_bits(file: impl BufRead + Seek) -> Option<u32> {
+    let decoder = reader_of(file).ok().and_then(|reader| reader.into_decoder().ok())?;
+    match decoder.color_type() {
+        ColorType::L8 => Some(8),
+        ColorType::L16 => Some(16),
+        _ => None,
+    }
 }
 
 /// Refuses PNG pictures of fewer than 8 bits, which the decoder would spread to 8 bits, and all other formats, such as JPEG.

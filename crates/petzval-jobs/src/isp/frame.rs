@@ -10,7 +10,7 @@ use petzval_camera::isp::{
 use petzval_camera::sensor::{CfaPattern, Colour, Exposure, SensorModel};
 use petzval_design::library::Library;
 use petzval_files::raw_file::{
-    FrameCalibration, RawFileError, RawFrame, RawInfo, load_any_raw, sidecar_path,
+    FrameCalibration, RawFileError, RawFrame, RawInfo, load_any_raw, sidecar_path, stated_info,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -132,6 +132,26 @@ impl<'a> Source<'a> {
             (Self::File(_), None) => Ok(FrameCalibration::default()),
             (Self::Memory(raw), _) => Ok(raw.calibration.cloned().unwrap_or_default()),
         }
+    }
+
+    /// What is stated of a file whose numbers are not read yet, where that can be known.
+    fn stated(&self) -> Result<Option<RawInfo>> {
+        match self {
+            Self::File(path) => Ok(stated_info(path)?),
+            Self::Memory(_) => Ok(None),
+        }
+    }
+
+    /// Bits and mosaic of a frame. Fails with all keys that are missing; a sensor or a calibration may give the black level.
+    fn needed(&self, info: &RawInfo, options: &FrameOptions) -> Result<(u32, CfaPattern)> {
+        let has_sensor = info.sensor.is_some() || options.sensor.is_some();
+        let is_black_known = info.black_level_dn.is_some() || has_sensor || self.has_calibration(info);
+        if let (Some(bits), Some(cfa), true) = (info.bits, info.cfa, is_black_known) {
+            return Ok((bits, cfa));
+        }
+        let keys =
+            [("bits", info.bits.is_none()), ("cfa", info.cfa.is_none()), ("black_level_dn", !is_black_known)];
+        Err(self.missing(&keys.iter().filter(|(_, is)| *is).map(|(key, _)| *key).collect::<Vec<_>>()))
     }
 
     /// The error where neither the frame nor its sidecar states these keys.
@@ -356,17 +376,13 @@ struct Exposed {
 
 /// Reads a raw frame.
 fn read_exposure(source: Source<'_>, options: &FrameOptions, noted: &Noted<'_>) -> Result<Exposed> {
+    // A large file is not decoded in vain.
+    if let Some(stated) = source.stated()? {
+        source.needed(&stated, options)?;
+    }
     let (path, raw) = (source.path(), source.frame()?);
     let info = &raw.info;
-    // Name all missing keys at once. A sensor or a calibration may give the black level.
-    let has_sensor = info.sensor.is_some() || options.sensor.is_some();
-    let is_black_known = info.black_level_dn.is_some() || has_sensor || source.has_calibration(info);
-    let missing = || {
-        let keys =
-            [("bits", info.bits.is_none()), ("cfa", info.cfa.is_none()), ("black_level_dn", !is_black_known)];
-        source.missing(&keys.iter().filter(|(_, is)| *is).map(|(key, _)| *key).collect::<Vec<_>>())
-    };
-    let (Some(bits), Some(cfa), true) = (info.bits, info.cfa, is_black_known) else { return Err(missing()) };
+    let (bits, cfa) = source.needed(info, options)?;
     let calibration = source.calibration(info)?;
     let sensor = sensor_of(info, options, &noted.context().assets)?;
     if sensor.is_none() {

@@ -371,3 +371,27 @@ fn a_calibration_beyond_the_registers_of_the_isp_is_warned_of_once_for_many_fram
     let within = said(&format!("{}{RESPONSE}{NOISE}", matrix.replace("8.5", "7.5").replace("3.75", "3.25")));
     assert!(within.iter().all(|line| !line.contains("registers")), "{within:?}");
 }
+
+#[test]
+fn keys_that_are_missing_are_named_before_the_numbers_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.png");
+    let mut png = std::io::Cursor::new(Vec::new());
+    image::GrayImage::from_pixel(8, 8, image::Luma([90]))
+        .write_to(&mut png, image::ImageFormat::Png)
+        .unwrap();
+    let whole = png.into_inner();
+    // Its head is whole, and its numbers cannot be read.
+    std::fs::write(&path, &whole[..whole.len() - 26]).unwrap();
+    let context = Context::new(crate::built_in_assets(), Arc::new(Lines::default()));
+    let error = || read_frame(&path, &FrameOptions::default(), &context).unwrap_err().to_string();
+    assert!(
+        error().contains("neither the file nor its sidecar gives `cfa`, `black_level_dn`"),
+        "{}",
+        error()
+    );
+    std::fs::write(sidecar_path(&path), "cfa = \"RGGB\"\n").unwrap();
+    assert!(error().contains("neither the file nor its sidecar gives `black_level_dn`"), "{}", error());
+    std::fs::write(sidecar_path(&path), "cfa = \"RGGB\"\nblack_level_dn = 4.0\n").unwrap();
+    assert!(!error().contains("neither"), "{}", error());
+}
