@@ -1,6 +1,7 @@
 //! `isp develop`: raw frames to pictures.
 
 use std::collections::BTreeMap;
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -135,9 +136,9 @@ pub fn pictures_of(request: &Request, raws: &[RawInMemory<'_>], context: &Contex
     let sources: Vec<Source<'_>> = raws.iter().copied().map(Source::Memory).collect();
     let shots: Shots<'_> = match (&request.merge, raws.first()) {
         (_, None) => return Err(no_frame()),
-        (Some(_), Some(first)) => vec![(first.name.to_owned(), sources)],
+        (Some(_), Some(first)) => vec![(first.name.into(), sources)],
         (None, Some(_)) => {
-            raws.iter().zip(sources).map(|(raw, source)| (raw.name.to_owned(), vec![source])).collect()
+            raws.iter().zip(sources).map(|(raw, source)| (raw.name.into(), vec![source])).collect()
         }
     };
     values(request, &named, &shots, context)
@@ -163,10 +164,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let named = named_isp(request, context)?;
     let (out, shots) = shots(request)?;
     check_readable(request, &shots, context)?;
-    let page_of = |name: &str| format!("{name}-strip.html");
+    let page_of = |name: &OsStr| with_end(name, "-strip.html");
     let files = shots.iter().flat_map(|(name, _)| {
         let page = request.strip.then(|| page_of(name));
-        [Some(format!("{name}.{}", extension(request))), page].into_iter().flatten()
+        [Some(picture_name(request, name)), page].into_iter().flatten()
     });
     check_folder(&out, files, context)?;
     check_inputs_stay(request, &out, &shots)?;
@@ -175,7 +176,7 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     let mut pictures = Vec::new();
     develop(request, &named, &shots, context, &mut |name, frame, values, picture| {
         let Picture { raw, picture, seconds } = picture;
-        let path = out.join(format!("{name}.{}", extension(request)));
+        let path = out.join(picture_name(request, name));
         write_file(&path, encoded(request, &picture)?)?;
         context.wrote(&path, "picture");
         let strip = if request.strip {
@@ -218,7 +219,7 @@ fn check_readable(request: &Request, shots: &Shots<'_>, context: &Context) -> Re
 }
 
 /// What happens to each picture: called with its name, the raw frame and the values of the ISP.
-type Each<'a> = dyn FnMut(&str, &Frame, &[f64], Picture) -> Result<()> + 'a;
+type Each<'a> = dyn FnMut(&OsStr, &Frame, &[f64], Picture) -> Result<()> + 'a;
 
 /// Develops frame after frame, and gives each to `each`.
 fn develop(
@@ -231,7 +232,7 @@ fn develop(
     let noted = noted_frames(context);
     for (i, (name, raws)) in shots.iter().enumerate() {
         context.check(|| format!("stopped after {i} of {} pictures", shots.len()))?;
-        context.progress(i as u64, shots.len() as u64, name);
+        context.progress(i as u64, shots.len() as u64, name.to_string_lossy());
         let raw = raws.first().map_or(Path::new(""), Source::path);
         let frame = read(request, raws, &noted)?;
         frame.note_turn(raw, &noted);
@@ -261,7 +262,7 @@ fn no_frame() -> JobError {
 }
 
 /// Pictures, each with its name and its raw frames.
-type Shots<'a> = Vec<(String, Vec<Source<'a>>)>;
+type Shots<'a> = Vec<(OsString, Vec<Source<'a>>)>;
 
 /// The folder of the pictures, and their names and raw files. The name of a file for `out` is that of the only picture.
 fn shots(request: &Request) -> Result<(PathBuf, Shots<'_>)> {
@@ -299,7 +300,7 @@ fn shots(request: &Request) -> Result<(PathBuf, Shots<'_>)> {
 fn check_inputs_stay(request: &Request, out: &Path, shots: &Shots<'_>) -> Result<()> {
     let same = |a: &Path, b: &Path| matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b);
     for (name, _) in shots {
-        let picture = out.join(format!("{name}.{}", extension(request)));
+        let picture = out.join(picture_name(request, name));
         if request.raws.iter().any(|raw| same(raw, &picture)) {
             let message = format!("{}: the picture would replace its raw frame", picture.display());
             return Err(JobError::input(message, "name another folder with --out"));
@@ -323,6 +324,18 @@ fn encoded(request: &Request, picture: &RgbPicture) -> Result<Vec<u8>> {
 
 /// Endings of pictures.
 const ENDINGS: [&str; 3] = ["png", "y4m", "yuv"];
+
+/// Name of the file of a picture.
+fn picture_name(request: &Request, name: &OsStr) -> OsString {
+    with_end(name, &format!(".{}", extension(request)))
+}
+
+/// A name of any bytes, and what is behind it.
+fn with_end(name: &OsStr, end: &str) -> OsString {
+    let mut whole = name.to_owned();
+    whole.push(end);
+    whole
+}
 
 /// File extension of the pictures. If `out` is the name of a file, its upper and lower case letters are kept.
 fn extension(request: &Request) -> String {
@@ -375,22 +388,22 @@ fn strip(raw: &Path, named: &NamedIsp, values: &[f64], steps: &[(String, RgbPict
     }
 }
 
-fn stem(raw: &Path) -> String {
-    raw.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+fn stem(raw: &Path) -> OsString {
+    raw.file_stem().unwrap_or_default().to_owned()
 }
 
 /// Names of the files without their endings, each of which names a picture.
-fn distinct_stems(raws: &[PathBuf]) -> Result<Vec<String>> {
+fn distinct_stems(raws: &[PathBuf]) -> Result<Vec<OsString>> {
     if raws.is_empty() {
         return Err(no_frame());
     }
-    let mut seen: BTreeMap<String, &PathBuf> = BTreeMap::new();
+    let mut seen: BTreeMap<OsString, &PathBuf> = BTreeMap::new();
     let mut names = Vec::new();
     for raw in raws {
         let name = stem(raw);
         if let Some(first) = seen.insert(name.clone(), raw) {
-            let message =
-                format!("{} and {} would give the same picture {name}.png", first.display(), raw.display());
+            let (first, raw, name) = (first.display(), raw.display(), Path::new(&name).display());
+            let message = format!("{first} and {raw} would give the same picture {name}.png");
             return Err(JobError::input(message, "develop them into different folders"));
         }
         names.push(name);

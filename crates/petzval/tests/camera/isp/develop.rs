@@ -21,6 +21,26 @@ fn parameters_are_shown_and_start_a_file() {
     assert_eq!(run_ok(folder.path(), &["isp", "show", "own.toml", "--json"]).json(), shown);
 }
 
+#[cfg(unix)]
+#[test]
+fn a_picture_has_the_name_that_is_given_whatever_its_bytes() {
+    use std::ffi::OsStr;
+    use std::os::unix::ffi::OsStrExt;
+
+    let folder = tempfile::tempdir().unwrap();
+    write_raws(&folder.path().join("raws"));
+    let out = OsStr::from_bytes(b"o\xffne.png");
+    let mut command = crate::common::petzval(folder.path());
+    command.args(["isp", "develop", "raws/left.tiff", "--strip", "--json", "--out"]).arg(out);
+    let written = crate::common::outcome(command.output().unwrap());
+    assert_eq!(written.code, Some(0), "{}", written.stderr);
+    for name in [&b"o\xffne.png"[..], b"o\xffne-strip.html"] {
+        assert!(folder.path().join(OsStr::from_bytes(name)).is_file(), "{written:?}");
+    }
+    let picture = written.json()[0]["picture"].as_str().unwrap().to_owned();
+    assert!(picture.ends_with("o\u{fffd}ne.png"), "{picture}");
+}
+
 #[test]
 fn raw_frames_become_pictures_and_a_strip() {
     let folder = tempfile::tempdir().unwrap();
