@@ -26,7 +26,7 @@ use super::super::terminal::{Terminal, print_json};
 /// unit may leave it out.
 ///
 /// Exit codes: 0 all units have a result, 1 some have failed, 2 the file or the store cannot be used. After two others the same command goes
-/// on: 74 the store is full or cannot be reached, 75 stopped by a signal (INT, TERM, HUP, USR1, USR2).
+/// on: 74 the store is full or cannot be reached, 75 stopped by a signal (INT, TERM, HUP, USR1, USR2, XCPU).
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment)]
 pub struct Args {
