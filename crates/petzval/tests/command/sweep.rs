@@ -400,10 +400,7 @@ fn settings_of_the_command_line_are_those_of_the_printed_experiment() {
         ),
         (&["psf.grid"], &["--set psf.grid: there is no `=`", "training.steps=400"]),
         (&["psf.grid=48", "--set", "psf.grid=64"], &["this key is set twice"]),
-        (
-            &["training.steps=5", "--steps", "4"],
-            &["--set training.steps=5: --steps decides that as well"],
-        ),
+        (&["training.steps=5", "--steps", "4"], &["--set training.steps=5: --steps decides that as well"]),
         (
             &["variant.best.noise=off"],
             &["there is no `best` in this list", "nominal, spot-optimised, end-to-end"],
