@@ -210,7 +210,7 @@ pub enum SetupFor<'p> {
     /// Its cameras, without windows.
     Cameras,
     /// Windows for a purpose, with PSFs in place of those of every lens, if there are any.
-    Windows(Purpose, Option<&'p Arc<PsfBank>>),
+    Windows(Purpose<'p>, Option<&'p Arc<PsfBank>>),
 }
 
 /// The setup of a run for its experiment, as [`Library::experiment_of_run`] or [`Library::experiment_in`] reads it. An error names the files of the

@@ -52,14 +52,14 @@ impl Setup {
         library: &Library,
         device: Device,
         psfs: Option<&Arc<PsfBank>>,
-        purpose: Purpose,
+        purpose: Purpose<'_>,
     ) -> Result<Self> {
         let setup = Self::without_windows(experiment, library, device)?;
         let setup = match psfs {
             Some(bank) => setup.having_psfs(bank.clone())?,
             None => setup,
         };
-        if purpose == Purpose::Training {
+        if purpose != Purpose::Scores {
             // Fails now, while there is no run folder yet, if weights do not fit.
             setup.network()?;
         }
@@ -80,7 +80,7 @@ impl Setup {
         Ok(Self { cameras, task, windows: None, study, cancel: library.cancel().clone() })
     }
 
-    fn with_windows(self, library: &Library, purpose: Purpose) -> Result<Self> {
+    fn with_windows(self, library: &Library, purpose: Purpose<'_>) -> Result<Self> {
         let windows = self.task.windows(&WindowPlan {
             experiment: &self.experiment,
             assets: library,

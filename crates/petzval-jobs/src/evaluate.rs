@@ -9,13 +9,13 @@ use petzval_camera::psf::PsfBank;
 use petzval_design::block::Block;
 use petzval_design::camera::Camera;
 use petzval_design::design_loop::{finished_camera, set_sight};
-use petzval_design::experiment::{Experiment, PsfsBy};
+use petzval_design::experiment::{Experiment, PicturesKey, PsfsBy};
 use petzval_design::inputs::{
     SetupFor, check_inputs, check_inputs_or_accepted, check_parts_or_accepted, setup_of_run,
 };
 use petzval_design::made_cameras::{LeftOut, MadeError, TrialPlan, made_cameras, symmetric};
 use petzval_design::report::run_report::{camera_lens, read_metrics};
-use petzval_design::run::input_list::{check_pictures_are_there, pictures_of_run};
+use petzval_design::run::input_list::{InputList, check_pictures_are_there, pictures_of_run};
 use petzval_design::run::{CameraMetrics, DigestCheck, Kept, PictureScore, RunFolder, load_blocks};
 use petzval_design::scoring::{Scored, Scorer, ranges_of_means};
 use petzval_design::setup::Setup;
@@ -242,10 +242,29 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
 /// Figures with the reasons for scores of which a camera has no value, and a warning that names them.
 fn explained(metrics: Metrics, scorer: &Scorer, context: &Context) -> Metrics {
     let metrics = scorer.with_reasons(metrics);
-    if let Some(missing) = metrics.missing_values() {
+    warn_of_missing(&metrics, context);
+    metrics
+}
+
+/// Warns of scores of which a camera has no value.
+pub(crate) fn warn_of_missing(metrics: &Metrics, context: &Context) {
+    if let Some(text) = without_scores(&metrics.rows, &metrics.scores) {
+        context.warning(WarningKind::DataSet, text);
+    } else if let Some(missing) = metrics.missing_values() {
         context.warning(WarningKind::LeftOut, missing);
     }
-    metrics
+}
+
+/// What to say where no camera has a score; `None` where one has.
+fn without_scores(rows: &[CameraMetrics], scores: &[ScoreDescription]) -> Option<String> {
+    if rows.iter().any(|row| !row.scores.is_empty()) {
+        return None;
+    }
+    let headings: Vec<String> = scores.iter().map(ScoreDescription::heading).collect();
+    Some(format!(
+        "nothing in the scored windows counts for {}: no camera has a score; give pictures that show objects of the classes of the run",
+        headings.join(", ")
+    ))
 }
 
 /// The figures of a run without those of its ceilings, whose PSFs are those of a perfect lens.
@@ -301,14 +320,19 @@ fn setup(
     let key = context.assets.facts_of(&experiment)?.pictures;
     let trained = TrainedPictures::of_run(folder, &experiment, key, &context.assets)?;
     pictures_of_run(folder, &mut experiment, key, Some(place))?;
-    // Pictures of the run that were moved are known by their content.
+    // Pictures of the run that were moved are known by their content: first under their names, then photographs under any names.
     let silent = context.assets.clone().reporting_warnings(Arc::new(|_: &str| ()));
-    if let Ok(setup) = setup_of_run(folder, experiment.clone(), &silent, device()?, training)
-        && check_inputs(&setup, folder).is_ok()
-    {
-        context
-            .note(format!("{} holds the pictures of the run: its held-out ones are scored", place.display()));
-        return Ok((setup, None));
+    let listed = InputList::read(folder)?.and_then(|list| list.pictures);
+    let by_content = listed.as_ref().filter(|listed| key == PicturesKey::Photos && listed.are_read());
+    let by_content = by_content.map(|listed| SetupFor::Windows(Purpose::TrainingOf(listed), given));
+    for training in [Some(training), by_content].into_iter().flatten() {
+        if let Ok(setup) = setup_of_run(folder, experiment.clone(), &silent, device()?, training)
+            && check_inputs(&setup, folder).is_ok()
+        {
+            let place = place.display();
+            context.note(format!("{place} holds the pictures of the run: its held-out ones are scored"));
+            return Ok((setup, None));
+        }
     }
     if request.made.is_some() {
         let key = if request.data.is_some() { "data" } else { "photos" };
@@ -567,6 +591,11 @@ mod tests {
         ]
         .map(|scores| BTreeMap::from([("ap50".to_owned(), scores)]))
         .into();
+        assert_eq!(without_scores(&metrics.rows, &metrics.scores), None);
+        let mut none = metrics.rows.clone();
+        none.iter_mut().for_each(|row| row.scores.clear());
+        let said = without_scores(&none, &metrics.scores).unwrap();
+        assert!(said.contains("counts for AP50: no camera has a score"), "{said}");
         let found = differences(&metrics.rows, &draws, &metrics.scores);
         assert_eq!(found.len(), 1);
         assert_eq!([&found[0].camera, &found[0].against], ["end-to-end", "nominal"]);

@@ -38,6 +38,11 @@ impl Metrics {
         self.rows.iter().flat_map(|row| &row.pictures).all(|picture| picture.scores.is_empty())
     }
 
+    /// Whether any camera has a score: none has where nothing counts in all windows.
+    pub fn has_scores(&self) -> bool {
+        self.rows.iter().any(|row| !row.scores.is_empty())
+    }
+
     /// Photoelectrons of white on the axis: `16000` of every camera, or `212 to 310` where a lens that gathers more light has more of them.
     pub fn electrons_of_white(&self) -> String {
         let all = || self.rows.iter().map(|row| row.white_e);
@@ -257,6 +262,8 @@ mod tests {
             "camera,photo,relative_field,psnr_db\n\"wide, fast\",\"a \"\"b\"\"\",0.5,30.5\n"
         );
         let mut of_all = metrics.clone();
+        of_all.rows[0].scores.clear();
+        assert!(metrics.has_scores() && !of_all.has_scores());
         of_all.rows[0].pictures[0].scores.clear();
         assert_eq!(of_all.pictures_csv(), None, "a heading alone is no table");
         assert_eq!(metrics.electrons_of_white(), "16000");

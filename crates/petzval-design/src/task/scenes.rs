@@ -153,10 +153,8 @@ impl Scenes {
                 let folder = Path::new(folder);
                 let purpose = match plan.purpose {
                     Purpose::Scores => dataset::Purpose::Scores,
-                    Purpose::Training if experiment.validation.is_used() => {
-                        dataset::Purpose::ValidatedTraining
-                    }
-                    Purpose::Training => dataset::Purpose::Training,
+                    _ if experiment.validation.is_used() => dataset::Purpose::ValidatedTraining,
+                    _ => dataset::Purpose::Training,
                 };
                 let (classes, cancel) = (&experiment.classes(), plan.assets.cancel());
                 let (pictures, defects) = (labels.pictures)(&PicturePlan {

@@ -120,9 +120,12 @@ pub enum Remark {
 
 /// What windows are needed for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Purpose {
+pub enum Purpose<'p> {
     /// Training, validation where the experiment has it, and scores.
     Training,
+    /// The same with the photographs of a run, wherever they are now: known by the SHA-256 of their files, in the lists and under the names of the
+    /// run. Pictures with labels are taken as in [`Purpose::Training`].
+    TrainingOf(&'p Pictures),
     /// Scores alone: all pictures of a user are held out.
     Scores,
 }
@@ -144,7 +147,7 @@ pub struct WindowPlan<'a> {
     /// The experiment's lens.
     pub nominal: &'a Lens,
     /// What the windows are for.
-    pub purpose: Purpose,
+    pub purpose: Purpose<'a>,
 }
 
 /// A held-out window.

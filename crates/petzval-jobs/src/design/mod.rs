@@ -291,9 +291,7 @@ fn run_from(request: &Request, context: &Context) -> Result<Response> {
     match design.run(&mut watch).map_err(JobError::of_run)? {
         Ending::Stopped(step) => Err(stopped(format!("stopped at step {step}"), folder.root(), request)),
         Ending::Finished(metrics) => {
-            if let Some(missing) = metrics.missing_values() {
-                context.warning(WarningKind::LeftOut, missing);
-            }
+            crate::evaluate::warn_of_missing(&metrics, context);
             let (report, sentences) = crate::run_page::write(&setup, &folder, context)?;
             Ok(Response { run: folder.root().to_path_buf(), metrics, report, sentences })
         }

@@ -69,6 +69,11 @@ impl Photo {
         Self { name, height: rows / by, width: columns / by, light }
     }
 
+    /// The same photograph under another name.
+    pub fn renamed(&self, name: &str) -> Self {
+        Self { name: name.to_owned(), ..self.clone() }
+    }
+
     /// Its file; none of a photograph in memory.
     pub fn file(&self) -> Option<&StoredPicture> {
         match &self.light {
@@ -100,7 +105,8 @@ impl Photo {
             Light::Here(image) => return Ok(image.clone()),
             Light::Stored { picture, halved, .. } => (picture, *halved),
         };
-        readers.shelf.get(&self.name, || {
+        // Light is kept by the name in the place: a photograph may have got another one.
+        readers.shelf.get(&picture.name, || {
             let bytes = picture.bytes()?;
             let image = load_image_bytes(&bytes, &picture.display())?.light;
             // A damaged picture is not noted: it may be repaired.

@@ -58,10 +58,10 @@ impl PhotoSet {
         Ok(Self { training, held_out, ..Self::default() })
     }
 
-    /// Two lists of photographs of different names and contents, with what reads them. Fails where one is empty.
+    /// Lists for training, validation and scores, of photographs of different names and contents, with what reads them. Fails where the first or the
+    /// last is empty.
     pub fn of_lists(
-        training: Vec<Photo>,
-        held_out: Vec<Photo>,
+        [training, validation, held_out]: [Vec<Photo>; 3],
         readers: Readers,
     ) -> Result<Self, DatasetError> {
         for (list, photos) in [("training", &training), ("held_out", &held_out)] {
@@ -69,7 +69,7 @@ impl PhotoSet {
                 return Err(DatasetError::EmptyList { list });
             }
         }
-        Ok(Self { training, validation: Vec::new(), held_out, readers: Arc::new(readers) })
+        Ok(Self { training, validation, held_out, readers: Arc::new(readers) })
     }
 
     /// Pictures that are all for scores. Fails without a picture, and on a name that is there twice.

@@ -103,7 +103,10 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
         let evaluate::Response { metrics, other_pictures, trained_on, differences, made, .. } = &response;
         if let Some(place) = other_pictures {
             score_table::print_on(metrics, &metrics.scored_on_others());
-            print_ranges(metrics);
+            // Without a score there is no range: a warning has said so.
+            if metrics.has_scores() {
+                print_ranges(metrics);
+            }
             print_differences(metrics, differences);
             outln!("{}: {}", of_pictures(*trained_on), shown(place));
         } else {

@@ -106,6 +106,32 @@ fn a_run_is_moved_with_its_photographs_and_its_photographs_alone() {
 }
 
 #[test]
+fn photographs_of_a_run_are_known_by_content_under_other_names_and_in_another_order() {
+    let folder = tempfile::tempdir().unwrap();
+    let work = work_with_photos(folder.path());
+    // A list holds out its last picture, chelsea.png, and the folder coffee.png.
+    let list = "photos/coffee.png\nphotos/astronaut.png\nphotos/chelsea.png\n";
+    std::fs::write(work.join("list.txt"), list).unwrap();
+    run_ok(&work, &["design", "tiny.toml", "--photos", "list.txt", "--out", "run"]);
+    let swapped = work.join("swapped");
+    std::fs::create_dir(&swapped).unwrap();
+    let others = [("coffee", "astronaut"), ("astronaut", "chelsea"), ("chelsea", "coffee")];
+    for (from, to) in others.map(|names| (format!("{}.png", names.0), format!("{}.png", names.1))) {
+        std::fs::copy(work.join("photos").join(from), swapped.join(to)).unwrap();
+    }
+    for place in ["photos", "swapped"] {
+        let said = run_ok(&work, &["evaluate", "run", "--photos", place]);
+        assert!(said.stdout.contains("own figures: 0.000e0"), "{place}: {}", said.stdout);
+        assert!(said.says(&format!("{place} holds the pictures of the run")), "{}", said.stderr);
+        assert!(!said.says("has been trained on"), "{}", said.stderr);
+    }
+    // With a picture more it is another set.
+    copy_photos(&swapped, &["china.png", "rocket.png"]);
+    let said = run_ok(&work, &["evaluate", "run", "--photos", "swapped"]);
+    assert!(said.says("has been trained on"), "{}", said.stderr);
+}
+
+#[test]
 fn finished_cameras_are_scored_on_other_pictures_with_ranges() {
     let folder = tempfile::tempdir().unwrap();
     let run = finished_run(folder.path());

@@ -1,5 +1,6 @@
 //! Photographs: the built-in ones, or those of a folder, a list or tar shards.
 
+use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -70,6 +71,14 @@ impl Photographs {
                 training_crops.check(set.training())?;
                 Read { set, ..read }
             }
+            Purpose::TrainingOf(listed) => {
+                let window = training_crops.window().max(scoring_crops.window());
+                let limits_scores = experiment.scoring.pictures > 0;
+                let read =
+                    photos_of_run(Path::new(&experiment.photos), listed, limits_scores, &search(window))?;
+                training_crops.check(read.set.training())?;
+                read
+            }
             Purpose::Scores => all_held_out(Path::new(&experiment.photos), &search(scoring_crops.window()))?,
         };
         let all = set.held_out().len();
@@ -113,8 +122,8 @@ impl Photographs {
             .flat_map(|(list, photos)| photos.iter().map(move |photo| (list, photo)))
             .collect();
         let file = |(list, photo): &(List, &Photo)| {
-            let stored = photo.file().map(|file| PictureFile::stored(file, *list, are_read));
-            Ok(stored.transpose()?)
+            let stored = photo.file().map(|file| PictureFile::stored(file, *list, are_read)).transpose()?;
+            Ok(stored.map(|file| PictureFile { name: photo.name.clone(), ..file }))
         };
         let files = all.par_iter().map(file).collect::<Result<Vec<_>>>()?;
         Ok(Pictures { place, files: files.into_iter().flatten().collect(), ..Pictures::default() })
@@ -316,5 +325,42 @@ fn own_photos(place: &Path, search: &PhotoSearch) -> Result<Read> {
         let list = if is_held_out { &mut held_out } else { &mut training };
         list.push(photo);
     }
-    Ok(Read { set: PhotoSet::of_lists(training, held_out, readers)?, skipped, notes })
+    let set = PhotoSet::of_lists([training, Vec::new(), held_out], readers)?;
+    Ok(Read { set, skipped, notes })
+}
+
+/// The photographs of a run at a place where they may have other names and another order: each with the name, in the list and at the place in it
+/// that it has in the run. They are known by the SHA-256 of their files.
+///
+/// Fails where one is missing, and where the place holds more than the run had: those are other pictures. Where the run `limits_scores`, it had
+/// held-out ones that are not `listed`.
+fn photos_of_run(place: &Path, listed: &Pictures, limits_scores: bool, search: &PhotoSearch) -> Result<Read> {
+    let FoundPhotos { photos, skipped, notes, readers } = find_photos(place, search)?;
+    let others = || DesignError::misfit(place, "holds other pictures than those of the run", "name another");
+    let held_out = listed.files.iter().filter(|file| file.list == List::HeldOut).count();
+    let trained = listed.files.len() - held_out;
+    let most_held_out = (trained / (HELD_OUT_EVERY - 1)).max(1);
+    let most = trained + if limits_scores { held_out.max(most_held_out) } else { held_out };
+    if photos.len() > most {
+        return Err(others());
+    }
+    let digest = |photo: &Photo| {
+        search.cancel.check()?;
+        let file = photo.file().map(|file| PictureFile::stored(file, List::HeldOut, true)).transpose()?;
+        Ok(file.and_then(|file| file.sha256))
+    };
+    let digests = photos.par_iter().map(digest).collect::<Result<Vec<_>, DatasetError>>()?;
+    let known = digests.into_iter().zip(photos).filter_map(|(digest, photo)| Some((digest?, photo)));
+    let by_digest: HashMap<String, Photo> = known.collect();
+    let mut lists: [Vec<Photo>; 3] = Default::default();
+    for file in &listed.files {
+        let found = file.sha256.as_ref().and_then(|sha256| by_digest.get(sha256)).ok_or_else(others)?;
+        let list = match file.list {
+            List::Training => 0,
+            List::Validation => 1,
+            List::HeldOut => 2,
+        };
+        lists[list].push(found.renamed(&file.name));
+    }
+    Ok(Read { set: PhotoSet::of_lists(lists, readers)?, skipped, notes })
 }
