@@ -11,7 +11,7 @@ use crate::error::{DesignError, Result};
 use crate::experiment::{Experiment, Settings, TaskFacts, WithSettings, is_input};
 use crate::path_text::{path_text, without_detours};
 use crate::run::input_list::pictures_of_run;
-use crate::run::{RunFolder, RunRecord, config_text, json_record};
+use crate::run::{ChangedFile, DigestCheck, RunFolder, RunRecord, config_text, json_record};
 use crate::task::Tasks;
 
 /// Built-in files and tasks.
@@ -247,6 +247,7 @@ impl Library {
         mut config: Experiment,
         pictures: Option<&Path>,
     ) -> Result<Experiment> {
+        check_kept_inputs(&mut config, run)?;
         self.tasks.complete(&mut config);
         let source = Text { path: run.config(), text: config.to_toml()? };
         let mut experiment = self.beside(config, &source, &["photos", "data"])?;
@@ -277,4 +278,18 @@ impl Library {
         let message = format!("config.toml has changed since the run was begun: {}", was.join(", "));
         Ok(Some(FileError::at_key(&config_text(run)?, &path, message)))
     }
+}
+
+/// Refuses a run without the inputs that it keeps in its folder `inputs`: no others could be meant. Pictures of a user may be elsewhere.
+fn check_kept_inputs(config: &mut Experiment, run: &RunFolder) -> Result<()> {
+    let is_kept = |key: &[String], name: &str| {
+        !["photos", "data"].contains(&key[0].as_str()) && name.starts_with("inputs/")
+    };
+    let kept = config.inputs_mut().filter(|(key, name)| is_kept(key, name)).map(|(_, name)| name.clone());
+    let mut missing: Vec<String> = kept.filter(|name| !run.root().join(name).exists()).collect();
+    if !missing.is_empty() && !run.input("").is_dir() {
+        missing = vec!["inputs".to_owned()];
+    }
+    let changes = missing.into_iter().map(|name| ChangedFile { name, is_missing: true }).collect();
+    DigestCheck::new(run, &[], &|_| {}).refuse(changes)
 }

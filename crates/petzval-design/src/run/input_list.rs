@@ -1,6 +1,6 @@
 //! What a run was made from, input by input: `inputs/inputs.json`. It names the input that has changed, and remembers where pictures were.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -105,32 +105,43 @@ impl Pictures {
         }
     }
 
+    /// The pictures and labels that are others `now`, in words. Of a picture that moved to another list nothing is said where pictures were added or
+    /// taken away: the lists follow from all of them.
     fn differences(&self, now: &Self) -> Vec<String> {
         let by_name = |files: &[PictureFile]| -> BTreeMap<String, PictureFile> {
             files.iter().map(|file| (file.name.clone(), file.clone())).collect()
         };
         let (then, found) = (by_name(&self.files), by_name(&now.files));
-        let mut all = Vec::new();
+        let new: Vec<&PictureFile> = found.values().filter(|file| !then.contains_key(&file.name)).collect();
+        let of_content: BTreeMap<&str, &str> =
+            new.iter().filter_map(|file| Some((file.sha256.as_deref()?, file.name.as_str()))).collect();
+        let (mut all, mut moved, mut renamed) = (Vec::new(), Vec::new(), BTreeSet::new());
         for (name, file) in &then {
-            all.extend(match found.get(name) {
-                None => Some(format!("the picture {name}, which is missing or cannot be used")),
-                Some(other) if !is_same(file, other) => {
-                    Some(format!("the picture {name} ({}, and now {})", in_words(file), in_words(other)))
+            let equal = file.sha256.as_deref().and_then(|sha256| of_content.get(sha256).copied());
+            match (found.get(name), equal) {
+                (None, Some(equal)) => {
+                    renamed.insert(equal);
+                    all.push(format!("the picture {name}, in whose place {equal} has the same content"));
                 }
-                Some(other) if other.list != file.list => Some(format!(
+                (None, None) => {
+                    all.push(format!("the picture {name}, which is missing or cannot be used"));
+                }
+                (Some(other), _) if !is_same(file, other) => {
+                    all.push(format!("the picture {name} ({}, and now {})", in_words(file), in_words(other)));
+                }
+                (Some(other), _) if other.list != file.list => moved.push(format!(
                     "the picture {name}, which was {} and is {}",
                     purpose(file.list),
                     purpose(other.list)
                 )),
-                Some(_) => None,
-            });
+                (Some(_), _) => {}
+            }
         }
-        all.extend(
-            found
-                .keys()
-                .filter(|name| !then.contains_key(*name))
-                .map(|name| format!("the new picture {name}")),
-        );
+        let names = new.iter().map(|file| file.name.as_str()).filter(|name| !renamed.contains(name));
+        all.extend(names.map(|name| format!("the new picture {name}")));
+        if then.keys().eq(found.keys()) {
+            all.extend(moved);
+        }
         let labels = self.other_label_files(now);
         if labels.is_empty() && self.labels != now.labels {
             all.push("the labels of the pictures".to_owned());
@@ -301,6 +312,17 @@ mod tests {
             then,
             "of those whose content is known none may"
         );
+        // A picture of the same content comes in its place; what follows from that in the lists is not named.
+        let mut renamed = then.clone();
+        renamed.pictures.as_mut().unwrap().files =
+            vec![file("a.png", "1", List::Training), file("two.png", "2", List::Training)];
+        assert_eq!(
+            then.differences(&renamed),
+            ["the picture one.png, in whose place a.png has the same content"]
+        );
+        let mut fewer = then.clone();
+        fewer.pictures.as_mut().unwrap().files = vec![file("two.png", "2", List::Training)];
+        assert_eq!(then.differences(&fewer), ["the picture one.png, which is missing or cannot be used"]);
         let mut listed = then.clone();
         listed.pictures.as_mut().unwrap().files[1].list = List::Training;
         assert_eq!(

@@ -317,6 +317,17 @@ fn what_was_changed_in_a_finished_run_is_named_and_not_believed() {
         run_fails(folder.path(), args, 2, &needles);
     }
 
+    // An input that the run kept is missed in the run, and not looked for elsewhere.
+    for (name, is_all) in [("inputs/sensor.toml", false), ("inputs", true)] {
+        changed(name, &|path| {
+            if is_all { std::fs::remove_dir_all(path).unwrap() } else { std::fs::remove_file(path).unwrap() }
+        });
+        let missing = format!("{name} is missing");
+        for args in [&["design", "--resume", "copy"][..], &["evaluate", "copy"]] {
+            run_fails(folder.path(), args, 2, &[&missing, "put it back from a copy of the run"]);
+        }
+    }
+
     // Another sensor makes other pictures.
     changed("inputs/sensor.toml", &|path| {
         let noisy = |line: &str| {
