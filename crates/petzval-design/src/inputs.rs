@@ -2,7 +2,7 @@
 //! digests, because a run that went on with other pictures would be worth nothing.
 
 use std::collections::BTreeMap;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use burn::prelude::Device;
@@ -17,7 +17,7 @@ use crate::camera::optics_proxy::FILES;
 use crate::error::{DesignError, Result};
 use crate::experiment::{Experiment, is_derived_lens};
 use crate::library::Library;
-use crate::path_text::path_text;
+use crate::path_text::{path_text, relative_path};
 use crate::run::first_reads;
 use crate::run::input_list::{BUILT_IN, InputList, Pictures};
 use crate::run::{ChangedFile, DigestCheck, Digests, RunFolder, RunRecord, hex, write_file};
@@ -102,18 +102,6 @@ fn parts_of(setup: &Setup, hash: &mut Sha256) -> Result<BTreeMap<String, String>
     Ok(parts)
 }
 
-/// The way from a folder to a path, both absolute: through the folder that they share, or the path itself where they share none.
-fn relative(path: &Path, folder: &Path) -> PathBuf {
-    let shared = path.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
-    // Volumes of Windows.
-    if !matches!(path.components().next(), Some(first) if shared > 0 && folder.components().next() == Some(first))
-    {
-        return path.to_path_buf();
-    }
-    let up = folder.components().skip(shared).map(|_| Component::ParentDir);
-    up.chain(path.components().skip(shared)).collect()
-}
-
 /// Keeps in a new run folder what the run of this scorer's setup is made from, and writes the `config.toml` that names it, and its record
 /// with its [usual steps](RunRecord::usual_steps).
 pub fn keep_inputs(
@@ -141,7 +129,7 @@ pub fn keep_inputs(
     // A run and its pictures can be moved together.
     let root = std::fs::canonicalize(run.root()).map_err(DesignError::io(run.root()))?;
     if let Some(Pictures { place, .. }) = &inputs.list.pictures {
-        let there = path_text(&relative(place, &root))?;
+        let there = path_text(&relative_path(place, &root))?;
         *kept.pictures_mut(setup.facts.pictures) = there;
     }
     if kept.isp.is_used() {
@@ -152,7 +140,7 @@ pub fn keep_inputs(
             Some(_) => "inputs/isp.toml".to_owned(),
             None => {
                 let there = std::fs::canonicalize(&preset.path).map_err(DesignError::io(&preset.path))?;
-                path_text(&relative(&there, &root))?
+                path_text(&relative_path(&there, &root))?
             }
         };
     }
@@ -315,22 +303,4 @@ fn changed_parts(setup: &Setup, run: &RunFolder) -> Result<Vec<String>> {
     then.parts.remove(BUILT_IN);
     let now = InputList { parts: parts_of(setup, &mut Sha256::new())?, ..InputList::default() };
     Ok(then.differences(&now))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    #[cfg(unix)]
-    fn a_path_is_found_from_a_folder_beside_it() {
-        for (path, folder, way) in [
-            ("/a/photos", "/a/runs/one", "../../photos"),
-            ("/a/runs/one/photos", "/a/runs/one", "photos"),
-            ("/b/photos", "/a", "../b/photos"),
-            ("/a", "/a/b", ".."),
-        ] {
-            assert_eq!(relative(Path::new(path), Path::new(folder)), Path::new(way), "{path} from {folder}");
-        }
-    }
 }

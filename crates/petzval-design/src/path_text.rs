@@ -31,6 +31,18 @@ pub fn without_detours(path: &Path) -> PathBuf {
     if real(&plain).is_some_and(|place| real(path) == Some(place)) { plain } else { path.to_owned() }
 }
 
+/// The way from a folder to a path, both absolute and without links: through the folder that they share, or the path itself where they share none.
+pub fn relative_path(path: &Path, folder: &Path) -> PathBuf {
+    let shared = path.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
+    // Volumes of Windows.
+    if !matches!(path.components().next(), Some(first) if shared > 0 && folder.components().next() == Some(first))
+    {
+        return path.to_path_buf();
+    }
+    let up = folder.components().skip(shared).map(|_| Component::ParentDir);
+    up.chain(path.components().skip(shared)).collect()
+}
+
 #[cfg(all(test, unix))]
 mod tests {
     use std::ffi::OsStr;
@@ -53,6 +65,19 @@ mod tests {
         std::os::unix::fs::symlink(root.join("runs/one"), root.join("link")).unwrap();
         let behind = root.join("link/../one");
         assert_eq!(without_detours(&behind), behind);
+    }
+
+    #[test]
+    fn a_path_is_found_from_a_folder_beside_it() {
+        for (path, folder, way) in [
+            ("/a/photos", "/a/runs/one", "../../photos"),
+            ("/a/runs/one/photos", "/a/runs/one", "photos"),
+            ("/b/photos", "/a", "../b/photos"),
+            ("/a", "/a/b", ".."),
+        ] {
+            let found = relative_path(Path::new(path), Path::new(folder));
+            assert_eq!(found, Path::new(way), "{path} from {folder}");
+        }
     }
 
     #[test]

@@ -10,7 +10,7 @@ use petzval_design::experiment::{
     BUILT_IN_PHOTOS, Experiment, PicturesKey, commented_toml, is_derived_lens, is_input,
 };
 use petzval_design::fit::{demands, white_that_fits};
-use petzval_design::path_text::path_text;
+use petzval_design::path_text::{path_text, relative_path};
 use petzval_files::{parse_lens, parse_sensor, write_lens};
 use petzval_optics::design_space::near_variables;
 use schemars::JsonSchema;
@@ -43,9 +43,10 @@ petzval_base::parameters! {
         /// A sensor in place of the experiment's: a built-in name, the path of a file, or the sensor itself. Without one, a lens of one's own gets the
         /// sensor that fits it.
         sensor: Option<SensorInput> = None;
-        /// Folder of photographs in place of the experiment's.
+        /// Folder of photographs in place of the experiment's. The experiment names it from the folder of the files, if this path is relative.
         photos: Option<PathBuf> = None;
-        /// Folder or file of pictures with labels in place of the experiment's scenes.
+        /// Folder or file of pictures with labels in place of the experiment's scenes. The experiment names it from the folder of the files, if this path
+        /// is relative.
         data: Option<PathBuf> = None;
     }
 }
@@ -110,14 +111,22 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     if lens.is_some() {
         warn_of_other_lenses(&experiment, &own_lens_name, context);
     }
-    name_files(&mut experiment, &own_lens_name)?;
+    // Pictures are named as the request names them. A folder may have the name of what is built in.
+    let as_given = |path: &Path| path_text(&Path::new(".").join(path));
+    if let Some(photos) = photos {
+        experiment.photos = as_given(photos)?;
+    }
+    if let Some(data) = data {
+        experiment.data = as_given(data)?;
+    }
+    context.check(|| "stopped before the files were written")?;
+    std::fs::create_dir_all(out).map_err(DesignError::io(out))?;
+    name_files(&mut experiment, &own_lens_name, out)?;
     let text = format!(
         "# From the experiment `{from}`, with every key, its unit and its range. `petzval design {}` runs it.\n\n{}",
         pasted(&out.join(EXPERIMENT)),
         commented_toml(&experiment)?
     );
-    context.check(|| "stopped before the files were written")?;
-    std::fs::create_dir_all(out).map_err(DesignError::io(out))?;
     let path = |name: &str| out.join(name);
     for (name, text) in [(LENS, &lens_text), (SENSOR, &sensor_text), (EXPERIMENT, &text)] {
         write_result(&path(name), text, context)?;
@@ -154,15 +163,15 @@ fn warn_of_other_lenses(experiment: &Experiment, own_lens: &str, context: &Conte
     }
 }
 
-/// Names the lens and the sensor that are written, in place of the experiment's own. Other inputs that lie in files are named by their paths from the
-/// root, so that they are found from the new folder; built-in names stay.
-fn name_files(experiment: &mut Experiment, own_lens: &str) -> Result<()> {
+/// Names the lens and the sensor that are written, in place of the experiment's own. Other inputs that lie in files are named as they are found from
+/// the new folder `out`; built-in names and absolute paths stay.
+fn name_files(experiment: &mut Experiment, own_lens: &str, out: &Path) -> Result<()> {
     let is_own: Vec<bool> = experiment.variant.iter().map(|v| v.lens.as_deref() == Some(own_lens)).collect();
     // The names of the files that are written count from the new folder and come last: the current one may have files of the same names.
     for (key, name) in experiment.inputs_mut() {
         let path = Path::new(name.as_str());
         if is_input(&key, path) {
-            *name = path_text(&std::path::absolute(path).map_err(DesignError::io(path))?)?;
+            *name = path_text(&found_from(out, path).map_err(DesignError::io(path))?)?;
         }
     }
     experiment.lens = LENS.to_owned();
@@ -171,6 +180,22 @@ fn name_files(experiment: &mut Experiment, own_lens: &str) -> Result<()> {
         variant.lens = Some(LENS.to_owned());
     }
     Ok(())
+}
+
+/// A path as it leads to its file from a folder that is there; an absolute one as it is. A file and the folder can then be moved together. A link at
+/// the end of the path is not followed: it may lead out of what is moved.
+fn found_from(folder: &Path, path: &Path) -> std::io::Result<PathBuf> {
+    if path.is_absolute() {
+        return Ok(path.to_owned());
+    }
+    let path = std::path::absolute(path)?;
+    let real = match (path.parent(), path.file_name()) {
+        (Some(parent), Some(name)) => std::fs::canonicalize(parent)?.join(name),
+        _ => std::fs::canonicalize(&path)?,
+    };
+    let way = relative_path(&real, &std::fs::canonicalize(Path::new(".").join(folder))?);
+    // A single word could be the name of what is built in.
+    Ok(if way.components().count() == 1 { Path::new(".").join(way) } else { way })
 }
 
 /// The name of an input that may be left out, and the context in which it is found.

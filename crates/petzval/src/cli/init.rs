@@ -14,7 +14,8 @@ use super::terminal::{Terminal, print_response};
 /// Write an experiment with its lens and its sensor as files of your own, to edit and run.
 ///
 /// experiment.toml holds every key, with the range of each number or the words to choose from, and a sentence; lens.toml and sensor.toml stand beside
-/// it. With --lens the experiment is fitted to the lens: its title, the focus, the array of the sensor, the grid of the PSFs and the requirements
+/// it. Photographs, data and other inputs with a relative path are named from the new folder, so that they can be moved with it; absolute paths stay.
+/// With --lens the experiment is fitted to the lens: its title, the focus, the array of the sensor, the grid of the PSFs and the requirements
 /// follow from it, and every choice is said. A lens file of another program (.zmx, .seq, .json) will do. A lens that names no variables gets
 /// curvatures, gaps of air and the coefficients of its aspheres; the last radius holds the focal length
 /// or, of a near object, the magnification.

@@ -49,7 +49,7 @@ fn the_files_are_complete_and_run() {
     std::fs::write(beside.join("e.toml"), "photos = \"pictures\"\n").unwrap();
     run_ok(folder.path(), &["init", "from-there", "--from", "there/e.toml"]);
     let text = read(&folder.path().join("from-there/experiment.toml"));
-    assert!(text.contains(&format!("photos = \"{}\"", beside.join("pictures").display())), "{text}");
+    assert!(text.contains("photos = \"../there/pictures\""), "{text}");
     assert!(!folder.path().join("other").exists());
 }
 
@@ -228,17 +228,38 @@ fn windows_fit_the_photographs_that_the_command_names() {
     }
     assert!(!fitted(&[]).says("in place of 120"));
 
-    // So does an experiment that is written with them: it names their folder from wherever it is run.
+    // So does an experiment that is written with them: it names their folder from its own.
     let lens = ["init", "mine", "--lens", "cooke-triplet-nominal", "--photos", "small"];
     let written = run_ok(folder.path(), &lens);
     assert!(written.says("in place of 120: half of the photographs in"), "{}", written.stderr);
     let text = read(&folder.path().join("mine/experiment.toml"));
-    let small = std::fs::canonicalize(folder.path().join("small")).unwrap();
+    assert!(text.contains("photos = \"../small\""), "{text}");
+    let small = folder.path().join("small");
+    run_ok(
+        folder.path(),
+        &["init", "far", "--lens", "cooke-triplet-nominal", "--photos", small.to_str().unwrap()],
+    );
+    let text = read(&folder.path().join("far/experiment.toml"));
     assert!(text.contains(&format!("photos = \"{}\"", small.display())), "{text}");
+    // A folder with the name of what is built in stays a folder.
+    std::fs::rename(&small, folder.path().join("built-in")).unwrap();
+    run_ok(folder.path(), &["init", ".", "--lens", "cooke-triplet-nominal", "--photos", "built-in"]);
+    let text = read(&folder.path().join("experiment.toml"));
+    assert!(text.contains("photos = \"./built-in\""), "{text}");
+    std::fs::rename(folder.path().join("built-in"), &small).unwrap();
     let labels = ["init", "other", "--from", "pedestrian-vehicle", "--photos", "small"];
     run_fails(folder.path(), &labels, 2, &["--photos", "the experiment needs labels"]);
     run_fails(folder.path(), &["init", "other", "--photos", "nowhere"], 2, &["nowhere", "give a folder"]);
     assert!(!folder.path().join("other").exists());
+
+    // The experiment and its photographs are moved together.
+    let moved = folder.path().join("moved");
+    std::fs::create_dir(&moved).unwrap();
+    for name in ["mine", "small"] {
+        std::fs::rename(folder.path().join(name), moved.join(name)).unwrap();
+    }
+    let config = run_ok(folder.path(), &["design", "moved/mine/experiment.toml", "--print-config"]).stdout;
+    assert!(config.contains("moved/small\""), "{config}");
 }
 
 /// A public lens of another program, in a folder with a space.
