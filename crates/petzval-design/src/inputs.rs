@@ -268,6 +268,13 @@ fn compared(setup: &Setup, run: &RunFolder) -> Result<Result<Inputs, String>> {
     let are_read_later = pictures.is_some_and(|pictures| !pictures.are_read());
     let content = if are_read_later { Content::AtStart } else { Content::All };
     let now = Inputs::with(setup, content)?;
+    if let Some(then) = then.as_ref().filter(|_| noted.trim() == now.fingerprint) {
+        let unlike = then.parts_unlike(&now.list);
+        if !unlike.is_empty() {
+            let list = "inputs/inputs.json is not as the run wrote it: it has another digest of";
+            return Ok(Err(format!("{list} the {}", unlike.join(", the "))));
+        }
+    }
     let read = first_reads::read(run)?;
     let then = then.map(|then| then.with_unread(&now.list, |name| read.contains_key(name)));
     let changed = then.map_or_else(Vec::new, |then| then.differences(&now.list));

@@ -15,6 +15,9 @@ use crate::error::{DesignError, Result};
 /// The file of digests in the folder whose files it lists.
 const FILE: &str = "digests.json";
 
+/// Files of the run folder whose absence is no change: tables are made of the figures, and what needs the record says that it is missing.
+const MAY_BE_MISSING: [&str; 3] = ["metrics.csv", "pictures.csv", "run.json"];
+
 /// Digests of the files of a folder.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -184,6 +187,8 @@ impl<'a> DigestCheck<'a> {
         let prefix = if part.is_empty() { String::new() } else { format!("{part}/") };
         let whole = digests.changed(&folder)?.into_iter();
         let whole = whole.map(|change| ChangedFile { name: format!("{prefix}{}", change.name), ..change });
+        let whole =
+            whole.filter(|change| !change.is_missing || !MAY_BE_MISSING.contains(&change.name.as_str()));
         Ok(whole.filter(|change| !self.is_accepted(change)).collect())
     }
 
@@ -311,6 +316,19 @@ mod tests {
         let check = DigestCheck::new(&run, &[], &warn);
         assert!(check.changes("").unwrap().is_empty() && check.changes("inputs").unwrap().is_empty());
         assert_eq!(said.borrow().len(), 1, "one warning for all that has no digests");
+
+        // Tables and the record have digests, too, but may be taken away.
+        let [table, record] = [run.metrics_csv(), run.record()];
+        fs::write(&table, "camera").unwrap();
+        fs::write(&record, "{}").unwrap();
+        note_digests(&run, &[table.clone(), record.clone()]).unwrap();
+        fs::write(&table, "cameras").unwrap();
+        fs::write(&record, "{ }").unwrap();
+        let changed: Vec<String> = check.changes("").unwrap().into_iter().map(|change| change.name).collect();
+        assert_eq!(changed, ["metrics.csv", "run.json"]);
+        fs::remove_file(&table).unwrap();
+        fs::remove_file(&record).unwrap();
+        assert!(check.changes("").unwrap().is_empty());
 
         // A name that the run does not have accepts nothing.
         let known = ["cameras/wide", "cameras/wide/", "inputs"].map(str::to_owned);

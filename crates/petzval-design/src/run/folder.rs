@@ -262,9 +262,9 @@ impl RunFolder {
         self.root.join("tolerance.json")
     }
 
-    /// The files of figures and events that have a digest in the run folder.
-    pub fn figures(&self) -> [PathBuf; 3] {
-        [self.metrics(), self.tolerance(), self.events()]
+    /// The files of figures and events that have a digest in the run folder. That of the record is noted with the end of the run.
+    pub fn figures(&self) -> [PathBuf; 5] {
+        [self.metrics(), self.metrics_csv(), self.pictures_csv(), self.tolerance(), self.events()]
     }
 
     /// The report.

@@ -74,6 +74,13 @@ impl InputList {
         self
     }
 
+    /// Names of the parts that both lists have, with another digest `now`.
+    pub fn parts_unlike(&self, now: &Self) -> Vec<&str> {
+        let is_other =
+            |(name, sha256): &(&String, &String)| now.parts.get(*name).is_some_and(|now| now != *sha256);
+        self.parts.iter().filter(is_other).map(|(name, _)| name.as_str()).collect()
+    }
+
     /// The inputs that are others `now`, in words: at most three, and how many more there are.
     pub fn differences(&self, now: &Self) -> Vec<String> {
         let parts = self.parts.iter().filter(|(name, sha256)| now.parts.get(*name) != Some(sha256));
@@ -281,6 +288,7 @@ mod tests {
         let mut changed = then.clone();
         changed.parts.insert("sensor".into(), "c".into());
         assert_eq!(then.differences(&changed), ["the sensor"]);
+        assert_eq!(then.parts_unlike(&changed), ["sensor"]);
         let pictures = changed.pictures.as_mut().unwrap();
         pictures.files = vec![file("one.png", "9", List::Training), file("three.png", "3", List::HeldOut)];
         let all = then.differences(&changed);

@@ -6,7 +6,7 @@ use std::time::{Duration, SystemTime};
 use petzval_learn::score::ScoreDescription;
 use serde::{Deserialize, Serialize};
 
-use super::{RunFolder, date, forget_digests, read_json, write_file};
+use super::{RunFolder, date, forget_digests, note_digests, read_json, write_file};
 use crate::error::{DesignError, Result};
 use crate::experiment::Experiment;
 
@@ -64,7 +64,7 @@ impl RunRecord {
         write_file(&run.record(), DesignError::json("the record of the run", self)?.as_bytes())
     }
 
-    /// Notes the end of a run, once.
+    /// Notes the end of a run, once, and the digest of the record, which then stays as it is.
     pub fn finish(run: &RunFolder, seconds: f64) -> Result<()> {
         if Self::read(run)?.is_none_or(|record| record.finished.is_some()) {
             return Ok(());
@@ -73,7 +73,8 @@ impl RunRecord {
         let mut record = json_record(run)?;
         let finish = Finish { date: now(), seconds, memory_gb: most_memory_gb() };
         record["finished"] = serde_json::to_value(finish).unwrap_or_default();
-        write_file(&run.record(), DesignError::json("the record of the run", &record)?.as_bytes())
+        write_file(&run.record(), DesignError::json("the record of the run", &record)?.as_bytes())?;
+        note_digests(run, &[run.record()])
     }
 
     /// Names and values for the reader of a report.

@@ -579,6 +579,8 @@ fn a_run_of_an_earlier_version_lacks_keys_that_are_younger() {
         };
         std::fs::write(run.join(file), without).unwrap();
     }
+    // Nor had its record a digest.
+    std::fs::remove_file(run.join("digests.json")).unwrap();
     let again = run_ok(folder.path(), &["evaluate", "run"]);
     assert!(again.stdout.contains("own figures: 0.000e0"), "{}", again.stdout);
     run_ok(folder.path(), &["report", "run"]);

@@ -281,9 +281,13 @@ fn what_was_changed_in_a_finished_run_is_named_and_not_believed() {
         std::fs::write(path, kept.join("\n") + "\n").unwrap();
     };
     type Change<'a> = (&'a str, &'a dyn Fn(&Path));
-    let cases: [Change; 4] = [
+    let lengthen = |path: &Path| std::fs::write(path, read(path) + "\n").unwrap();
+    let cases: [Change; 7] = [
         ("metrics.json", &edit),
         ("events.jsonl", &shorten),
+        ("metrics.csv", &lengthen),
+        ("pictures.csv", &lengthen),
+        ("run.json", &lengthen),
         ("cameras/nominal/blocks/network/weights.bin", &flip_a_bit),
         ("cameras/nominal/metrics.json", &|path| {
             std::fs::write(path, read(path).replace("\"psnr_db\": ", "\"psnr_db\": 1")).unwrap()
@@ -326,6 +330,17 @@ fn what_was_changed_in_a_finished_run_is_named_and_not_believed() {
         for args in [&["design", "--resume", "copy"][..], &["evaluate", "copy"]] {
             run_fails(folder.path(), args, 2, &[&missing, "put it back from a copy of the run"]);
         }
+    }
+
+    // A digest that was changed in the list of inputs is no change of an input.
+    changed("inputs/inputs.json", &|path| {
+        let mut list = read_json(path);
+        list["parts"]["sensor"] = Value::from("0".repeat(64));
+        std::fs::write(path, list.to_string()).unwrap();
+    });
+    for args in [&["design", "--resume", "copy"][..], &["evaluate", "copy"]] {
+        let list = "inputs/inputs.json is not as the run wrote it: it has another digest of the sensor";
+        run_fails(folder.path(), args, 2, &[list]);
     }
 
     // Another sensor makes other pictures.
