@@ -3,10 +3,11 @@
 use std::fs::TryLockError;
 use std::path::Path;
 
-use petzval_base::WorkLock;
+use petzval_base::{WorkLock, hex};
 use petzval_design::error::DesignError;
 use petzval_design::run::Holder;
 use serde::de::DeserializeOwned;
+use sha2::{Digest, Sha256};
 
 use crate::error::{JobError, Result, json, make_folder};
 
@@ -46,6 +47,28 @@ pub(crate) fn make_new_folder(root: &Path, state: &Path, what: &str) -> Result<W
     Ok(lock)
 }
 
+/// How a state with a digest begins.
+const DIGEST: &str = "{\"sha256\":\"";
+
+/// What to do where a state was changed.
+pub(crate) const CHANGED_STATE: &str =
+    "it was changed since it was written: put it back from a copy, or begin again with another --out";
+
+/// A state, which is a JSON object with keys, with its SHA-256 as the first key.
+pub(crate) fn with_digest(state: &str) -> String {
+    let digest = hex(&Sha256::digest(state.as_bytes()));
+    format!("{DIGEST}{digest}\",{}", state.strip_prefix('{').unwrap_or(state))
+}
+
+/// The state in a text of [`with_digest`]; `None` if it was changed. That of an earlier version has no digest, and is taken as it is.
+pub(crate) fn without_digest(text: &str) -> Option<String> {
+    let Some((digest, rest)) = text.strip_prefix(DIGEST).and_then(|text| text.split_once("\",")) else {
+        return Some(text.to_owned());
+    };
+    let state = format!("{{{rest}");
+    (hex(&Sha256::digest(state.as_bytes())) == digest).then_some(state)
+}
+
 /// Locks the folder of work, which is `what` in words, reads its state, and removes what killed processes have left there.
 pub(crate) fn read_state<K: DeserializeOwned>(
     root: &Path,
@@ -58,7 +81,11 @@ pub(crate) fn read_state<K: DeserializeOwned>(
     // Nothing is made in a folder that holds no such work.
     read()?;
     let lock = lock_folder(root, what)?;
-    let kept = serde_json::from_str(&read()?).map_err(|e| wrong(e.to_string()))?;
+    let text = without_digest(&read()?).ok_or_else(|| {
+        let message = format!("{}: is not as the {what} wrote it", state.display());
+        JobError::input(message, CHANGED_STATE)
+    })?;
+    let kept = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
     petzval_base::sweep_parts(root);
     Ok((kept, lock))
 }
@@ -66,6 +93,24 @@ pub(crate) fn read_state<K: DeserializeOwned>(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_state_that_was_changed_is_not_believed() {
+        let place = tempfile::tempdir().unwrap();
+        let state = place.path().join("search.json");
+        let read = |text: &str| {
+            std::fs::write(&state, text).unwrap();
+            read_state::<serde_json::Value>(place.path(), &state, "search", "a hint").map(|(kept, _)| kept)
+        };
+        let text = with_digest(r#"{"best": 1.5, "next": "a\",b"}"#);
+        assert_eq!(read(&text).unwrap()["best"], 1.5);
+        // Other readers find the same keys.
+        assert_eq!(serde_json::from_str::<serde_json::Value>(&text).unwrap()["next"], "a\",b");
+        let error = read(&text.replace("1.5", "9.5")).unwrap_err().to_string();
+        assert!(error.contains("search.json: is not as the search wrote it"), "{error}");
+        // An earlier version wrote no digest.
+        assert_eq!(read(r#"{"best": 1.5}"#).unwrap()["best"], 1.5);
+    }
 
     #[test]
     fn one_process_at_a_time_works_in_a_folder() {

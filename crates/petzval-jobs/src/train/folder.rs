@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::context::Context;
 use crate::error::{JobError, Result, json, write_file};
 use crate::event::Event;
-use crate::state_file::{make_new_folder, read_state};
+use crate::state_file::{make_new_folder, read_state, with_digest};
 
 /// Steps between two records of the losses, and between two states from which training can continue.
 const RECORD_EVERY: usize = 50;
@@ -191,7 +191,7 @@ impl TrainingFolder {
         for (path, bytes) in self.parts(step).iter().zip(state) {
             write_file(path, bytes)?;
         }
-        write_file(&self.training(), json(kept)?)?;
+        write_file(&self.training(), with_digest(&json(kept)?))?;
         self.remove_states_but(step)
     }
 

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::plan::Plan;
 use crate::error::{JobError, Result, json, write_file};
-use crate::state_file::{make_new_folder, read_state};
+use crate::state_file::{make_new_folder, read_state, with_digest};
 
 /// File of the state from which a search continues.
 const STATE: &str = "search.json";
@@ -127,7 +127,7 @@ impl TuneFolder {
     /// Writes best settings, history and state. The state comes last: after a failure the folder continues from the generation
     /// before, which gives the same files again.
     pub fn save(&self, kept: &Checkpoint, tuned: &str) -> Result<()> {
-        let state = serde_json::to_string(kept).map_err(|e| JobError::failed(e.to_string()))?;
+        let state = with_digest(&serde_json::to_string(kept).map_err(|e| JobError::failed(e.to_string()))?);
         for (path, text) in
             [(self.tuned(), tuned), (self.history(), &json(&kept.history)?), (self.state(), &state)]
         {

@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use super::goal::Goal;
 use crate::context::Context;
 use crate::error::{JobError, Result, json, make_folder, write_file};
-use crate::state_file::lock_folder;
+use crate::state_file::{CHANGED_STATE, lock_folder, with_digest, without_digest};
 
 /// The lens of the last step.
 const BEST: &str = "best.toml";
@@ -255,7 +255,7 @@ impl History {
 
     /// Keeps the state from which a search continues.
     pub fn keep_search(&self, kept: &KeptSearch) -> Result<()> {
-        self.write(SEARCH, &json(kept)?)
+        self.write(SEARCH, &with_digest(&json(kept)?))
     }
 
     /// The state from which a descent continues, if one was kept.
@@ -265,15 +265,16 @@ impl History {
 
     /// Keeps the state from which a descent continues.
     pub fn keep_descent(&self, kept: &KeptDescent) -> Result<()> {
-        self.write(DESCENT, &json(kept)?)
+        self.write(DESCENT, &with_digest(&json(kept)?))
     }
 
     fn kept<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>> {
         let path = self.root.join(name);
         let Some(text) = text_if_there(&path)? else { return Ok(None) };
-        let kept = serde_json::from_str(&text).map_err(|e| {
-            JobError::input(format!("{}: {e}", path.display()), "it was changed since it was written")
-        })?;
+        let wrong =
+            |message: String| JobError::input(format!("{}: {message}", path.display()), CHANGED_STATE);
+        let text = without_digest(&text).ok_or_else(|| wrong("is not as it was written".to_owned()))?;
+        let kept = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
         Ok(Some(kept))
     }
 

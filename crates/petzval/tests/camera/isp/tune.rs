@@ -147,6 +147,10 @@ fn spoiled_settings_are_tuned_back_and_a_resumed_search_is_the_same() {
     let again = ["isp", "tune", "raws", "--reference", "reference", "--out", "whole"];
     run_fails(folder.path(), &again, 2, &["--out whole", "already holds a search"]);
     write_raws(&folder.path().join("raws"));
+    let state = read(&at("parts", "search.json"));
+    std::fs::write(at("parts", "search.json"), state.replacen("\"start\":", "\"start\":1", 1)).unwrap();
+    run_fails(folder.path(), &more, 2, &["search.json: is not as the search wrote it"]);
+    std::fs::write(at("parts", "search.json"), state).unwrap();
     std::fs::remove_file(folder.path().join("raws/right.tiff")).unwrap();
     run_fails(folder.path(), &more, 2, &["have changed since the search began"]);
 }
