@@ -7,11 +7,11 @@
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use petzval_base::{Cancel, reason_and_hint};
+use petzval_base::Cancel;
 use petzval_files::{LensFile, write_lens};
 use petzval_learn::guest::GuestError;
 use petzval_optics::design_space::{EflSolve, MagnificationSolve};
@@ -27,12 +27,12 @@ use crate::experiment::{
     Variant, turn_of,
 };
 use crate::pace::UnitsLeft;
-use crate::position::{Done, POSITION_FILE, Position, Restored, last_variant};
+use crate::position::{Done, Latest, POSITION_FILE, Position, Restored, last_variant};
 use crate::report::run_report::camera_lens;
 use crate::run::{
     CameraMetrics, ChangedFile, DigestCheck, Digests, Event, EventLog, Kept, Metrics, RunFolder, RunRecord,
-    SCORE, all_checkpoints, first_reads, forget_most_memory, latest_checkpoint, load_blocks, note_digests,
-    save_blocks, save_checkpoint, set_aside, write_file,
+    SCORE, first_reads, forget_most_memory, latest_checkpoint, load_blocks, note_digests, save_blocks,
+    save_checkpoint, set_aside, write_file,
 };
 use crate::run_progress::TOTAL;
 use crate::scoring::{Scored, Scorer, collect_metrics};
@@ -245,23 +245,7 @@ impl DesignLoop {
         forget_most_memory();
         let setup = scorer.setup().clone();
         let first = setup.variants.first().map(|v| v.name.clone());
-        let mut damaged: Vec<(PathBuf, String)> = Vec::new();
-        let mut restored = None;
-        for (step, folder) in all_checkpoints(&run)?.into_iter().rev() {
-            match Restored::read(&setup, step, &folder, check) {
-                Ok(found) => {
-                    restored = Some(found);
-                    break;
-                }
-                // A device that has no room for a network is no damage.
-                Err(error) if !error.is_damage() => return Err(error),
-                // What to do is said for all checkpoints together.
-                Err(error) => {
-                    let text = error.to_string();
-                    damaged.push((folder, reason_and_hint(&text).0.to_owned()));
-                }
-            }
-        }
+        let Latest { restored, damaged } = Latest::read(&setup, &run, check)?;
         if let (None, Some((folder, why))) = (&restored, damaged.first()) {
             let problem = format!(
                 "no checkpoint of this run is whole, the latest: {why}; hint: put it back from a copy, add `--accept-changed \

@@ -1,15 +1,19 @@
 //! Where a run stands, and what its checkpoints hold of it.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use petzval_base::reason_and_hint;
 use serde::{Deserialize, Serialize};
 
 use crate::block::Blocks;
 use crate::error::{DesignError, Result};
 use crate::experiment::{BlockName, Stage, Variant};
 use crate::pace::UnitsLeft;
-use crate::run::{DigestCheck, Digests, EventsDigest, Kept, RunFolder, SCORE, load_blocks, read_json};
+use crate::run::{
+    ChangedFile, DigestCheck, Digests, EventLog, EventsDigest, Kept, RunFolder, SCORE, all_checkpoints,
+    load_blocks, read_json,
+};
 use crate::setup::Setup;
 use crate::validation::{Course, Validations};
 
@@ -212,6 +216,66 @@ impl Restored {
             validations = Validations::load(folder, position.validation, keep, &blocks)?;
         }
         Ok(Self { position, blocks, validations, events })
+    }
+
+    /// Whether its digest of the events agrees with a log; true of an earlier version, which has none.
+    pub fn agrees_with(&self, log: &Path) -> Result<bool> {
+        self.events.as_ref().map_or(Ok(true), |events| EventLog::agrees(log, events))
+    }
+}
+
+/// The latest checkpoint with which a run can go on.
+pub(crate) struct Latest {
+    /// It; none where no checkpoint is whole.
+    pub restored: Option<Restored>,
+    /// The folders of later ones, each with what is wrong there.
+    pub damaged: Vec<(PathBuf, String)>,
+}
+
+impl Latest {
+    /// Reads the checkpoints of a run, the latest first, until one is whole and has the digest that the events have.
+    ///
+    /// Where all have another digest, or the log is shorter than at the latest, the events were changed: then it is the latest whole one. So it is in
+    /// a finished run, whose events stay as they are, and where the user accepts the change.
+    pub fn read(setup: &Setup, run: &RunFolder, check: &DigestCheck) -> Result<Self> {
+        let log = run.events();
+        let (mut restored, mut damaged) = (None, Vec::new());
+        // Whole ones with another digest of the events, and the latest of them.
+        let (mut unlike, mut latest_unlike): (Vec<PathBuf>, Option<Restored>) = (Vec::new(), None);
+        for (step, folder) in all_checkpoints(run)?.into_iter().rev() {
+            match Restored::read(setup, step, &folder, check) {
+                Ok(found) if found.agrees_with(&log)? => {
+                    restored = Some(found);
+                    break;
+                }
+                Ok(found) => {
+                    latest_unlike.get_or_insert(found);
+                    unlike.push(folder);
+                }
+                // A device that has no room for a network is no damage.
+                Err(error) if !error.is_damage() => return Err(error),
+                // What to do is said for all checkpoints together.
+                Err(error) => {
+                    let text = error.to_string();
+                    damaged.push((folder, reason_and_hint(&text).0.to_owned()));
+                }
+            }
+        }
+        let change = ChangedFile { name: "events.jsonl".to_owned(), is_missing: !log.is_file() };
+        let length = log.metadata().map_or(0, |log| log.len());
+        let until = latest_unlike.as_ref().and_then(|found| found.events.as_ref());
+        let is_cut = until.is_some_and(|until| length < until.bytes);
+        if restored.is_none() || is_cut || run.metrics().is_file() || check.accepts(&change) {
+            return Ok(Self { restored: latest_unlike.or(restored), damaged });
+        }
+        damaged.extend(unlike.into_iter().map(|folder| {
+            let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            let why = format!(
+                "checkpoints/{name}/digests.json is not as the run wrote it, or the last events are not: an older checkpoint agrees with events.jsonl"
+            );
+            (folder, why)
+        }));
+        Ok(Self { restored, damaged })
     }
 }
 

@@ -242,17 +242,22 @@ impl<'a> DigestCheck<'a> {
 
     /// Whether the user accepts a change; then a warning says so.
     pub fn is_accepted(&self, change: &ChangedFile) -> bool {
+        let is_accepted = self.accepts(change);
+        if is_accepted {
+            self.warn(&format!("{}: {change}; accepted", self.run.root().display()));
+        }
+        is_accepted
+    }
+
+    /// Whether the user accepts a change.
+    pub fn accepts(&self, change: &ChangedFile) -> bool {
         let is_named = |accepted: &String| {
             let accepted = accepted.trim_end_matches('/');
             let below = change.name.strip_prefix(accepted);
             !accepted.is_empty() && below.is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
         };
         // Of a file that is not there nothing can be accepted.
-        let is_accepted = !change.is_missing && self.accepted.iter().any(is_named);
-        if is_accepted {
-            self.warn(&format!("{}: {change}; accepted", self.run.root().display()));
-        }
-        is_accepted
+        !change.is_missing && self.accepted.iter().any(is_named)
     }
 
     /// One warning for a run whose files cannot be checked.

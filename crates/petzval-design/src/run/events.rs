@@ -73,19 +73,20 @@ impl EventLog {
         Self::open(path, kept.as_bytes())
     }
 
+    /// Whether the first bytes of a log agree with the digest of a checkpoint.
+    pub fn agrees(path: &Path, until: &EventsDigest) -> Result<bool> {
+        Ok(until.is_of(&bytes_of(path)?))
+    }
+
     /// Opens the log for appending behind its first bytes, if they agree with the digest of a checkpoint; what follows them is taken away.
     /// None if they do not agree, or are not there.
     pub fn resume_at(path: &Path, until: &EventsDigest) -> Result<Option<Self>> {
-        let mut bytes = if path.exists() {
-            petzval_base::read_whole(path).map_err(DesignError::io(path))?
-        } else {
-            Vec::new()
-        };
-        let is_longer = bytes.len() as u64 > until.bytes;
-        bytes.truncate(until.bytes as usize);
-        if bytes.len() as u64 != until.bytes || hex(Sha256::new_with_prefix(&bytes)) != until.sha256 {
+        let mut bytes = bytes_of(path)?;
+        if !until.is_of(&bytes) {
             return Ok(None);
         }
+        let is_longer = bytes.len() as u64 > until.bytes;
+        bytes.truncate(until.bytes as usize);
         if is_longer {
             super::write_file(path, &bytes)?;
         }
@@ -118,6 +119,19 @@ impl EventLog {
         self.file.sync_data().map_err(DesignError::io(&self.path))?;
         Ok(EventsDigest { bytes: self.bytes, sha256: hex(self.hash.clone()) })
     }
+}
+
+impl EventsDigest {
+    /// Whether it is the digest of the first of these bytes.
+    fn is_of(&self, bytes: &[u8]) -> bool {
+        let first = usize::try_from(self.bytes).ok().and_then(|until| bytes.get(..until));
+        first.is_some_and(|first| hex(Sha256::new_with_prefix(first)) == self.sha256)
+    }
+}
+
+/// The bytes of a log; none where there is no log yet.
+fn bytes_of(path: &Path) -> Result<Vec<u8>> {
+    if path.exists() { petzval_base::read_whole(path).map_err(DesignError::io(path)) } else { Ok(Vec::new()) }
 }
 
 /// An event as one line of JSON.
@@ -193,6 +207,11 @@ mod tests {
         });
         drop(log);
         assert_eq!(until.bytes, two.len() as u64);
+        assert!(EventLog::agrees(&path, &until).unwrap());
+        let damaged = EventsDigest { sha256: "0".repeat(64), ..until.clone() };
+        assert!(!EventLog::agrees(&path, &damaged).unwrap());
+        let longer = EventsDigest { bytes: whole.len() as u64 + 1, ..until.clone() };
+        assert!(!EventLog::agrees(&path, &longer).unwrap());
         // The third event came after the checkpoint, and is taken away.
         let again = EventLog::resume_at(&path, &until).unwrap().unwrap();
         assert_eq!((again.digest().unwrap(), fs::read(&path).unwrap()), (until.clone(), two.clone()));

@@ -255,6 +255,26 @@ fn a_damaged_checkpoint_gives_way_to_the_one_before() {
 }
 
 #[test]
+fn a_checkpoint_with_a_wrong_digest_of_the_events_gives_way_to_the_one_before() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = finished_run(folder.path());
+    let metrics = read(&run.join("metrics.json"));
+    std::fs::remove_file(run.join("metrics.json")).unwrap();
+    let latest = latest_checkpoint(&run);
+    let path = run.join(format!("checkpoints/{latest}/digests.json"));
+    let mut digests = read_json(&path);
+    digests["events"]["sha256"] = Value::from("0".repeat(64));
+    std::fs::write(&path, digests.to_string()).unwrap();
+    let said = run_ok(folder.path(), &["design", "--resume", "run"]);
+    let named = format!("checkpoints/{latest}/digests.json is not as the run wrote it");
+    for words in [&named[..], "the run goes on from the one of step"] {
+        assert!(said.says(words), "{words}: {}", said.stderr);
+    }
+    assert!(run.join(format!("checkpoints/damaged-{latest}")).is_dir(), "nothing is lost");
+    assert_eq!(read(&run.join("metrics.json")), metrics, "the same bits from the one before");
+}
+
+#[test]
 fn what_was_changed_in_a_finished_run_is_named_and_not_believed() {
     let folder = tempfile::tempdir().unwrap();
     let run = finished_run(folder.path());
