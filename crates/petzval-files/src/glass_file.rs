@@ -21,6 +21,8 @@ pub struct GlassFile {
 pub struct Refused {
     /// Its name, if it has one.
     pub name: Option<String>,
+    /// Its maker; empty if that is unknown.
+    pub maker: String,
     /// The reason.
     pub error: Box<FileError>,
 }
@@ -28,7 +30,7 @@ pub struct Refused {
 impl Refused {
     /// A glass without a name.
     pub(super) fn unnamed(error: FileError) -> Self {
-        Self { name: None, error: Box::new(error) }
+        Self { name: None, maker: String::new(), error: Box::new(error) }
     }
 }
 
@@ -73,10 +75,10 @@ impl GlassFile {
     /// The glasses by name.
     pub fn into_catalog(self) -> Catalog {
         let mut catalog = Catalog::default();
-        for Refused { name, error } in self.refused {
+        for Refused { name, maker, error } in self.refused {
             if let Some(name) = name {
                 let FileError { message, .. } = *error;
-                catalog.refuse(&name, message);
+                catalog.refuse(&name, &maker, message);
             }
         }
         for glass in self.glasses {

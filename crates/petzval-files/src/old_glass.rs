@@ -77,8 +77,11 @@ pub(super) fn unknown_glass(record: &Record, unknown: &UnknownGlass) -> FileErro
 pub(super) type Substitute = (Arc<Glass>, String);
 
 /// The glass for an old name of Schott's, or for index and Abbe number that the file states. A successor that contradicts the file is not
-/// taken. `None` for an unknown glass.
+/// taken. `None` for an unknown glass, and for one that was left out of a catalogue.
 pub(super) fn substitute(name: &str, stated: Option<[f64; 2]>, catalog: &Catalog) -> Option<Substitute> {
+    if catalog.get(name).is_err_and(|unknown| unknown.refused.is_some()) {
+        return None;
+    }
     let upper = name.to_uppercase();
     let fits = |nd: f64, vd: f64| {
         stated.is_none_or(|[own_nd, own_vd]| (nd - own_nd).abs() < SAME_ND && (vd - own_vd).abs() < SAME_VD)

@@ -25,13 +25,14 @@ fn outside_range(glass: &Glass, lens: &Lens) -> Option<String> {
 }
 
 fn shared_name(glass: &Glass, catalog: &Catalog) -> Option<String> {
-    let (counts, others) = catalog.all(&glass.name).split_last()?;
+    let counts = catalog.get(&glass.name).ok()?;
+    let (_, others) = catalog.all(&glass.name).split_last()?;
     let others: Vec<&str> = (others.iter())
         .filter(|other| other.dispersion != glass.dispersion && !other.maker.is_empty())
         .map(|other| other.maker.as_str())
         .collect();
     // A glass of the lens file itself, or one named with its maker, is no matter of doubt.
-    if **counts != *glass || others.is_empty() {
+    if *counts != *glass || others.is_empty() {
         return None;
     }
     let (name, maker) = (&glass.name, if glass.maker.is_empty() { "nobody" } else { &glass.maker });

@@ -31,6 +31,7 @@ impl Entry {
             let error = line.error("a glass needs a name and the number of a formula");
             return Err(Refused {
                 name: words.first().map(|name| (*name).to_owned()),
+                maker: maker.to_owned(),
                 error: Box::new(error),
             });
         };
@@ -38,7 +39,7 @@ impl Entry {
             let message = format!("there is no formula {formula}");
             let hint = format!("formulas are numbered from 1 to {}", COUNTS.len());
             let error = Box::new(line.error(message).hint(hint));
-            return Err(Refused { name: Some((*name).to_owned()), error });
+            return Err(Refused { name: Some((*name).to_owned()), maker: maker.to_owned(), error });
         }
         // The formula is set when `CD` is read.
         let mut glass = Glass::new(*name, Dispersion::Constant(1.0));
@@ -71,7 +72,8 @@ impl Entry {
 
     /// The glass is left out, for an error.
     pub fn refused(&self, error: FileError) -> Refused {
-        Refused { name: Some(self.glass.name.clone()), error: Box::new(error) }
+        let Glass { name, maker, .. } = &self.glass;
+        Refused { name: Some(name.clone()), maker: maker.clone(), error: Box::new(error) }
     }
 
     /// Reads a record other than `NM`. Fails if the glass has no usable formula by it.

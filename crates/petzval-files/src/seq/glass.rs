@@ -200,11 +200,11 @@ fn by_name(name: &str, catalog: &Catalog, record: &Record) -> Result<Arc<Glass>,
         Some((glass, maker)) => (bare(glass), Some(bare(maker))),
         None => (bare(name), None),
     };
-    let same_name = catalog.iter().filter(|(known, _)| bare(known) == wanted);
+    let is_wanted = |known: &str| bare(known) == wanted;
     let mut found: Vec<&Arc<Glass>> = match &suffix {
-        None => same_name.map(|(_, glass)| glass).collect(),
-        Some(suffix) => same_name
-            .flat_map(|(known, _)| catalog.all(known))
+        None => catalog.iter().filter(|(known, _)| is_wanted(known)).map(|(_, glass)| glass).collect(),
+        Some(suffix) => (catalog.iter_all().filter(|(known, _)| is_wanted(known)))
+            .flat_map(|(_, all)| all)
             .filter(|glass| !glass.maker.is_empty() && maker_suffix(&glass.maker) == *suffix)
             .collect(),
     };

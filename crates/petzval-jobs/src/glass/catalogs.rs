@@ -99,6 +99,10 @@ pub fn read_glasses(paths: &[PathBuf]) -> Result<ChosenGlasses> {
         for file in files {
             match read_file(&file, &mut chosen) {
                 Err(JobError::File { path, mut error }) if !is_broken_catalogue(&file) => {
+                    if is_page(&file) {
+                        let (name, maker) = page_name(&file);
+                        chosen.catalog.refuse(&name, &maker, error.message.clone());
+                    }
                     error.message += ": the file is left out";
                     let kind = "the file is left out".to_owned();
                     chosen.warnings.push((path, GlassWarning { error: *error, kind }));

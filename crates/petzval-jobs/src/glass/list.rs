@@ -51,8 +51,8 @@ pub struct Listed {
 impl Listed {
     fn new(glass: &Glass, catalog: &Catalog) -> Self {
         let name = match catalog.get(&glass.name) {
-            Ok(meant) if *meant != *glass => format!("{}:{}", glass.maker.to_uppercase(), glass.name),
-            _ => glass.name.clone(),
+            Ok(meant) if *meant == *glass => glass.name.clone(),
+            _ => format!("{}:{}", glass.maker.to_uppercase(), glass.name),
         };
         let [nd, vd] = glass.known_nd_and_vd();
         Self {

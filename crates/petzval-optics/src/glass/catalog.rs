@@ -9,13 +9,22 @@ use super::Glass;
 /// Glasses by name, without regard to upper and lower case. `AIR` is always among them, and no other glass has this name.
 ///
 /// Several makers may use one name. A name alone means the glass that was added last; `MAKER:NAME` means that maker's
-/// glass.
+/// glass. A glass that was refused counts like one that was added: no earlier glass stands in for it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Catalog {
     /// By upper-case name, one for each maker; the last one is meant by the name alone.
     glasses: BTreeMap<String, Vec<Arc<Glass>>>,
-    /// By upper-case name: why a glass of a file was left out.
-    refused: BTreeMap<String, String>,
+    /// By upper-case name, at most one for each maker, none of whom has a glass of that name.
+    refused: BTreeMap<String, Vec<Refusal>>,
+}
+
+/// A glass that was left out.
+#[derive(Clone, Debug, PartialEq)]
+struct Refusal {
+    maker: String,
+    reason: String,
+    /// Whether the name alone means this glass.
+    is_last: bool,
 }
 
 /// There is no glass of that name.
@@ -49,6 +58,9 @@ impl UnknownGlass {
 
 const AIR: &str = "AIR";
 
+/// Names that the error for an unknown glass suggests.
+const HINTS: usize = 3;
+
 impl Default for Catalog {
     /// A catalogue with air alone.
     fn default() -> Self {
@@ -64,29 +76,65 @@ impl Catalog {
         if name == AIR {
             return;
         }
+        self.settle_refusals(&name, &glass.maker);
         let makers = self.glasses.entry(name).or_default();
         makers.retain(|known| !known.maker.eq_ignore_ascii_case(&glass.maker));
         makers.push(glass);
     }
 
-    /// Notes why a glass of a file was left out. A lookup that finds no glass of that name gives the reason.
-    pub fn refuse(&mut self, name: &str, reason: String) {
-        self.refused.insert(name.to_uppercase(), reason);
+    /// Notes why a glass of a file was left out. It takes the place of an earlier glass of that name and maker. A lookup of the name alone
+    /// gives the reason until a glass of that name is added. Air cannot be refused.
+    pub fn refuse(&mut self, name: &str, maker: &str, reason: String) {
+        let name = name.to_uppercase();
+        if name == AIR {
+            return;
+        }
+        if let Some(makers) = self.glasses.get_mut(&name) {
+            makers.retain(|known| !known.maker.eq_ignore_ascii_case(maker));
+        }
+        self.settle_refusals(&name, maker);
+        let refusal = Refusal { maker: maker.to_owned(), reason, is_last: true };
+        self.refused.entry(name).or_default().push(refusal);
     }
 
-    /// Adds all glasses of another catalogue, which take precedence for common names.
+    /// Drops a maker's refusal of an upper-case name. Those of other makers no longer count for the name alone.
+    fn settle_refusals(&mut self, name: &str, maker: &str) {
+        if let Some(refusals) = self.refused.get_mut(name) {
+            refusals.retain(|known| !known.maker.eq_ignore_ascii_case(maker));
+            refusals.iter_mut().for_each(|known| known.is_last = false);
+        }
+    }
+
+    /// Why the glass that an upper-case name alone means was left out; `None` if it was not.
+    fn refusal_of_name_alone(&self, name: &str) -> Option<&Refusal> {
+        self.refused.get(name)?.iter().find(|refusal| refusal.is_last)
+    }
+
+    /// Adds all glasses and refusals of another catalogue, which take precedence for common names.
     pub fn merge(&mut self, other: Self) {
-        self.refused.extend(other.refused);
+        let (last, earlier): (Vec<_>, Vec<_>) = (other.refused.into_iter())
+            .flat_map(|(name, refusals)| refusals.into_iter().map(move |refusal| (name.clone(), refusal)))
+            .partition(|(_, refusal)| refusal.is_last);
+        for (name, Refusal { maker, reason, .. }) in earlier {
+            self.refuse(&name, &maker, reason);
+        }
         for (name, makers) in other.glasses {
             for glass in makers {
                 self.insert(&name, glass);
             }
+        }
+        // What each name alone means comes last.
+        for (name, Refusal { maker, reason, .. }) in last {
+            self.refuse(&name, &maker, reason);
         }
     }
 
     /// The glass of that name, or of `MAKER:NAME`.
     pub fn get(&self, name: &str) -> Result<Arc<Glass>, UnknownGlass> {
         let wanted = name.to_uppercase();
+        if let Some(refusal) = self.refusal_of_name_alone(&wanted) {
+            return Err(self.refused_glass(name, &wanted, refusal));
+        }
         if let Some(glass) = self.all(&wanted).last() {
             return Ok(glass.clone());
         }
@@ -104,11 +152,28 @@ impl Catalog {
                     self.glasses.iter().filter(|(_, all)| all.iter().any(|glass| made_by(maker, glass)));
                 theirs.map(|(name, _)| format!("{maker}:{name}")).collect()
             }
-            _ => self.glasses.keys().cloned().collect(),
+            _ => self.names(),
         };
-        let bare = qualified.map_or(wanted.as_str(), |(_, name)| name);
-        let refused = self.refused.get(bare).cloned();
+        let refusal = qualified.and_then(|(maker, name)| {
+            self.refused.get(name)?.iter().find(|refusal| refusal.maker.to_uppercase() == maker)
+        });
+        let refused = refusal.map(|refusal| refusal.reason.clone());
         Err(UnknownGlass { name: name.into(), refused, nearest: nearest_names(&wanted, known) })
+    }
+
+    /// The error for a name whose glass was left out. Glasses of that name by other makers are the first hints.
+    fn refused_glass(&self, name: &str, wanted: &str, refusal: &Refusal) -> UnknownGlass {
+        let others = self.all(wanted).iter().rev();
+        let mut nearest: Vec<String> =
+            others.map(|glass| format!("{}:{wanted}", glass.maker.to_uppercase())).collect();
+        nearest.extend(nearest_names(wanted, self.names()));
+        nearest.truncate(HINTS);
+        UnknownGlass { name: name.into(), refused: Some(refusal.reason.clone()), nearest }
+    }
+
+    /// Every name that alone means a glass, in upper case.
+    fn names(&self) -> Vec<String> {
+        self.iter().map(|(name, _)| name.to_owned()).collect()
     }
 
     /// All glasses of a name, one for each maker; the last one is meant by the name alone.
@@ -116,9 +181,15 @@ impl Catalog {
         self.glasses.get(&name.to_uppercase()).map_or(&[], Vec::as_slice)
     }
 
-    /// All names and aliases in upper case, in alphabetical order, with the glasses that they mean.
+    /// All names and aliases in upper case, in alphabetical order, with the glasses that they mean. A name whose glass was refused means none.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &Arc<Glass>)> {
-        self.glasses.iter().filter_map(|(name, all)| Some((name.as_str(), all.last()?)))
+        let known = self.iter_all().filter(move |(name, _)| self.refusal_of_name_alone(name).is_none());
+        known.filter_map(|(name, all)| Some((name, all.last()?)))
+    }
+
+    /// All names and aliases in upper case, in alphabetical order, each with its glasses of every maker.
+    pub fn iter_all(&self) -> impl Iterator<Item = (&str, &[Arc<Glass>])> {
+        self.glasses.iter().map(|(name, all)| (name.as_str(), all.as_slice()))
     }
 
     /// Every glass of every maker in alphabetical order, each once, without aliases and air.
@@ -133,7 +204,6 @@ impl Catalog {
 /// differ in punctuation. The similarity of Jaro and Winkler gives the beginning of a name more weight than its end.
 /// Equally similar names are in alphabetical order.
 fn nearest_names(wanted: &str, mut known: Vec<String>) -> Vec<String> {
-    const HINTS: usize = 3;
     // Limit the length: the time to compare grows with it, and no glass has such a long name.
     const LONGEST: usize = 64;
     // Compare the name without its maker.
@@ -232,8 +302,43 @@ mod tests {
     }
 
     #[test]
+    fn no_other_glass_stands_in_for_a_refused_one() {
+        let index = |all: &Catalog, name: &str| all.get(name).map(|glass| glass.index(0.5));
+        let refused = |maker: &str| {
+            let mut catalog = Catalog::default();
+            catalog.refuse("f2", maker, "misprinted".to_owned());
+            catalog
+        };
+        let built_in = of("Schott", "F2", 1.62);
+        // Of another maker: its own glass is left, by the name of the maker.
+        let mut all = built_in.clone();
+        all.merge(refused("mine"));
+        let unknown = all.get("F2").unwrap_err();
+        assert_eq!(
+            (unknown.refused.as_deref(), unknown.nearest[0].as_str()),
+            (Some("misprinted"), "SCHOTT:F2")
+        );
+        assert_eq!(index(&all, "Schott:F2"), Ok(1.62));
+        assert_eq!(index(&all, "mine:F2").unwrap_err().refused.as_deref(), Some("misprinted"));
+        assert!(all.iter().all(|(name, _)| name != "F2"));
+        // Of the same maker: nothing is left.
+        let mut all = built_in.clone();
+        all.merge(refused("SCHOTT"));
+        assert_eq!((index(&all, "Schott:F2").is_ok(), all.glasses().count()), (false, 0));
+        // The later glass counts, and the refusal stays that of its maker alone.
+        let mut chosen = refused("Schott");
+        chosen.merge(of("Hoya", "F2", 1.61));
+        let mut all = built_in;
+        all.merge(chosen);
+        assert_eq!((index(&all, "F2"), index(&all, "Schott:F2").is_ok()), (Ok(1.61), false));
+        all.merge(of("Schott", "F2", 1.63));
+        assert_eq!((index(&all, "F2"), index(&all, "Schott:F2")), (Ok(1.63), Ok(1.63)));
+    }
+
+    #[test]
     fn nothing_takes_the_place_of_air() {
         let mut all = Catalog::default();
+        all.refuse("Air", "", "misprinted".to_owned());
         all.insert("Air", Arc::new(Glass::new("Air", Dispersion::Constant(1.5))));
         assert!(all.get("AIR").unwrap().is_air());
     }

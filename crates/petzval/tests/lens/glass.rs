@@ -258,6 +258,38 @@ fn a_misprinted_glass_is_refused_wherever_it_is_named() {
 }
 
 #[test]
+fn no_built_in_glass_stands_in_for_one_that_is_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let others: String =
+        (0..3).map(|i| format!("NM X{i} 1 0 1.7 64.2 0 0\nCD 2.27 -0.0092 0.0116\n")).collect();
+    write(folder.path(), "mine.agf", &(others + &AGF.replace("1.98216 25.68", "1.7 25.68")));
+    for args in [["lens", "show", LENS], ["glass", "show", "N-SF11"]] {
+        let says =
+            ["`N-SF11` was left out: the formula gives nd = 1.98", "and 1.7 is printed", "SCHOTT:N-SF11"];
+        run_fails(folder.path(), &[&["--glasses", "mine.agf"][..], &args].concat(), 2, &says);
+    }
+    // The built-in glass has to be named with its maker.
+    let lens = read(&data(&format!("lenses/{LENS}.toml"))).replace("\"N-SF11\"", "\"SCHOTT:N-SF11\"");
+    write(folder.path(), "lens.toml", &lens);
+    let shown = run_ok(folder.path(), &["lens", "show", "lens.toml", "--json", "--glasses", "mine.agf"]);
+    assert!((flint_nd(&shown.json()) - 1.78472).abs() < 1e-5);
+    // A broken page of refractiveindex.info in a folder is refused by its name, too.
+    write(
+        folder.path(),
+        "rii/specs/schott/N-SF11.yml",
+        "DATA:\n  - type: tabulated k\n    data: |\n        0.5 1.0\n",
+    );
+    let page = "DATA:\n  - type: formula 1\n    wavelength_range: 0.21 6.7\n    coefficients: 0 0.6961663 0.0684043 0.4079426 0.1162414 0.8974794 9.896161\n";
+    write(folder.path(), "rii/specs/schott/OTHER.yml", page);
+    run_fails(
+        folder.path(),
+        &["--glasses", "rii", "lens", "show", LENS],
+        2,
+        &["`N-SF11` was left out", "no refractive index"],
+    );
+}
+
+#[test]
 fn every_kind_of_warning_about_a_catalogue_is_said_and_its_repeats_are_counted() {
     let folder = tempfile::tempdir().unwrap();
     let text = "words\n".repeat(2000) + AGF + "NM LATE 1 0 1.7 64.2 0 0\nCD 2.27 -0.0092 0.0116\n";
