@@ -8,6 +8,7 @@ use petzval_design::error::DesignError;
 use petzval_design::lens::psf_plan::{PsfPlan, scale_of_bank_mm};
 use petzval_files::FloatType;
 use petzval_files::psf_file::{AXES_FILE, ILLUMINATION_FILE, PsfFile, VALUES_FILE, write_psfs};
+use petzval_optics::analysis::leaves_parallel;
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::paraxial::first_order;
 use petzval_optics::psf::{FieldPsf, PsfOptions};
@@ -179,20 +180,23 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
 /// The lens and the plan of its PSFs, once every setting is known to be possible.
 fn prepared(request: &Request, context: &Context) -> Result<(Lens, PsfPlan)> {
     let lens = request.lens.read(&context.assets)?.lens;
-    // A near object has an image behind an afocal lens, too: that of a relay.
-    let is_far = lens.object == ObjectDistance::Infinity;
-    if is_far && !first_order(&lens.at_wavelength(lens.reference_um)).efl_mm.is_finite() {
-        return Err(JobError::input(
-            format!(
-                "{}: the lens is afocal in the y-z plane, and its fields have no image radius",
-                request.lens
-            ),
-            "`lens show` and `lens trace` take it",
-        ));
+    if let Some(reason) = no_image(&lens) {
+        let message = format!("{}: {reason}", request.lens);
+        return Err(JobError::input(message, "`lens show` and `lens trace` take it"));
     }
     let plan = request.plan()?;
     warn_of_wavelengths(&lens, &request.wavelengths, context);
     Ok((lens, plan))
+}
+
+/// Why a lens has no PSFs; `None` if it has.
+fn no_image(lens: &Lens) -> Option<&'static str> {
+    // A near object has an image behind an afocal lens, too: that of a relay.
+    let is_far = lens.object == ObjectDistance::Infinity;
+    if is_far && !first_order(&lens.at_wavelength(lens.reference_um)).efl_mm.is_finite() {
+        return Some("the lens is afocal in the y-z plane, and its fields have no image radius");
+    }
+    (leaves_parallel(lens) == [true; 2]).then_some("light leaves the lens parallel, and makes no image")
 }
 
 /// The outermost field that a lens file states.

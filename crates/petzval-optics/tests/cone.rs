@@ -6,7 +6,8 @@ use std::sync::Arc;
 
 use common::paraboloid;
 use petzval_optics::analysis::{
-    AnalysisOptions, Cone, analyze, field_curves, field_mtf, first_order_table, leaves_parallel, wavefront,
+    AnalysisOptions, Cone, analyze, field_curves, field_mtf, first_order_table, leaves_parallel,
+    paraxial_image_mm, wavefront,
 };
 use petzval_optics::glass::{Dispersion, Glass};
 use petzval_optics::lens::{
@@ -160,6 +161,24 @@ fn an_afocal_telescope_has_no_focal_length_and_an_angular_magnification() {
     let loose = lens(20.0, vec![thin(200.0, 240.001), thin(40.0, 48.0)]);
     let efl = first_order_table(&loose).efl_mm.unwrap();
     assert!((efl / (-200.0 * 40.0 / 0.001) - 1.0).abs() < 1e-6, "{efl}");
+}
+
+/// Rounding of a distance moves an object at the front focus by nanometres: from f/100000 on, light counts as parallel.
+#[test]
+fn light_that_leaves_nearly_parallel_counts_as_parallel() {
+    for (off_mm, is_parallel) in [(1e-5, true), (1e-3, true), (-1e-3, true), (1.0, false), (-1.0, false)] {
+        let mut collimator = lens(10.0, vec![thin(100.0, 50.0)]);
+        collimator.object = ObjectDistance::Finite(100.0 + off_mm);
+        let telescope = lens(10.0, vec![thin(200.0, 240.0 + 0.1 * off_mm), thin(40.0, 48.0)]);
+        for lens in [&collimator, &telescope] {
+            assert_eq!(paraxial_image_mm(lens).is_none(), is_parallel, "{off_mm}");
+            assert_eq!(leaves_parallel(lens), [is_parallel; 2], "{off_mm}");
+            let table = first_order_table(lens);
+            assert_eq!([table.defocus_mm.is_none(), table.working_f_number.is_none()], [is_parallel; 2]);
+            assert!(table.efl_mm.is_some());
+        }
+        assert_eq!(first_order_table(&collimator).magnification.is_none(), is_parallel, "{off_mm}");
+    }
 }
 
 #[test]

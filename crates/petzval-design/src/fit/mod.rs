@@ -16,7 +16,7 @@ use std::path::Path;
 
 use petzval_camera::sensor::SensorModel;
 use petzval_files::{Import, LensFile};
-use petzval_optics::analysis::leaves_parallel;
+use petzval_optics::analysis::{leaves_parallel, paraxial_image_mm};
 use petzval_optics::design_space::near_variables;
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::number::Number;
@@ -61,9 +61,6 @@ pub struct Fitted {
     /// What the user should know before believing a result, one line each.
     pub warnings: Vec<String>,
 }
-
-/// A focal length of so many entrance pupils is none: the lens is afocal.
-const AFOCAL: f64 = 1e5;
 
 /// Light of a camera for pictures in colour, um; other lenses are taken in their own.
 const VISIBLE_UM: std::ops::RangeInclusive<f64> = 0.38..=0.78;
@@ -198,7 +195,7 @@ fn check_forms_an_image(lens: &Lens) -> Result<(), (&'static str, &'static str)>
         return Err(("the lens is not rotationally symmetric, and the camera of a design is", hint));
     }
     let order = first_order(&lens.at_wavelength(lens.reference_um));
-    let is_afocal = |mm: f64| !mm.is_finite() || mm.abs() > AFOCAL * lens.entrance_pupil_mm;
+    let has_image = paraxial_image_mm(lens).is_some();
     let light = if lens.light_goes_forwards(lens.surfaces.len() - 1) { 1.0 } else { -1.0 };
     if lens.object == ObjectDistance::Infinity
         && !order.efl_mm.is_finite()
@@ -210,14 +207,14 @@ fn check_forms_an_image(lens: &Lens) -> Result<(), (&'static str, &'static str)>
             hint,
         ));
     }
-    if lens.object == ObjectDistance::Infinity && is_afocal(order.efl_mm) {
+    if lens.object == ObjectDistance::Infinity && !has_image {
         let hint = "add the lens that focuses behind it to the file";
         return Err((
             "the lens is afocal: light from far away leaves it parallel, and makes no image on a sensor",
             hint,
         ));
     }
-    if is_afocal(order.image_distance_mm) {
+    if !has_image {
         let hint = "move the object away from the front focus";
         return Err((
             "the object lies at the front focus: its light leaves the lens parallel, and makes no image on a sensor",

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use petzval_base::pasted;
 use petzval_base::statistics::maximum;
 use petzval_files::{LensFile, Loss};
-use petzval_optics::analysis::{Cone, leaves_parallel};
+use petzval_optics::analysis::{Cone, leaves_parallel, paraxial_image_mm};
 use petzval_optics::lens::{Lens, ObjectDistance};
 use petzval_optics::paraxial::first_order;
 use petzval_optics::pupil::Quadrature;
@@ -286,13 +286,10 @@ pub(super) fn no_image(lens: &Lens) -> Option<NoImage> {
             hint: "move the stop a little off the focus of what is in front of it",
         });
     }
-    if order.image_distance_mm.is_finite() {
+    if paraxial_image_mm(lens).is_some() {
         return None;
     }
-    let reason = match lens.object {
-        ObjectDistance::Infinity => "the lens is afocal in the y-z plane: it has no focus",
-        ObjectDistance::Finite(_) => "the object is at the front focus: its image is at infinity",
-    };
+    let reason = image_at_infinity(lens, order.image_distance_mm);
     // What to do depends on where real rays go.
     let hint = match leaves_parallel(lens) {
         [true, true] => "a thin lens of known focal length behind it makes an image of parallel light",
@@ -304,6 +301,20 @@ pub(super) fn no_image(lens: &Lens) -> Option<NoImage> {
         }
     };
     Some(NoImage { reason, hint })
+}
+
+/// Why the paraxial image of a lens is at infinity, or as good as there: at a distance of so many mm.
+pub(super) fn image_at_infinity(lens: &Lens, image_distance_mm: f64) -> &'static str {
+    match (lens.object, image_distance_mm.is_finite()) {
+        (ObjectDistance::Infinity, false) => "the lens is afocal in the y-z plane: it has no focus",
+        (ObjectDistance::Infinity, true) => {
+            "the lens is so nearly afocal that light leaves it parallel: it has no focus within reach"
+        }
+        (ObjectDistance::Finite(_), false) => "the object is at the front focus: its image is at infinity",
+        (ObjectDistance::Finite(_), true) => {
+            "the object is so near the front focus that light leaves the lens parallel: its image is out of reach"
+        }
+    }
 }
 
 /// Refuses a lens that has no entrance pupil or no image at a finite distance.

@@ -2,7 +2,7 @@
 
 use petzval_design::assets::glass_warnings::glass_warnings;
 use petzval_files::lens_toml::special_lines;
-use petzval_optics::analysis::{Cone, first_order_table, leaves_parallel};
+use petzval_optics::analysis::{Cone, first_order_table, leaves_parallel, paraxial_image_mm};
 use petzval_optics::lens::{Action, Lens, ObjectDistance};
 use petzval_optics::paraxial::{FirstOrder, first_order};
 use petzval_optics::pupil::{PupilRefinement, Quadrature, Refined, trace_beam};
@@ -11,7 +11,7 @@ use petzval_optics::spot::{FieldSpot, PrintedSpot, spot_converged, spot_paraxial
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::focus::{FocusAt, colours_out_of_focus, focused, out_of_focus};
+use super::focus::{FocusAt, colours_out_of_focus, focused, image_at_infinity, out_of_focus};
 use super::lost::no_ray_at;
 use crate::context::Context;
 use crate::error::{JobError, Result};
@@ -227,10 +227,11 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
             image_na: table.image_na,
             working_f_number: table.working_f_number,
             angular_magnification: table.angular_magnification,
-            total_track_mm: finite(lens.with_image_distance(order.image_distance_mm).track_mm()),
+            total_track_mm: paraxial_image_mm(&lens)
+                .and_then(|at_mm| finite(lens.with_image_distance(at_mm).track_mm())),
             is_folded: lens.is_folded(),
             image_distance_mm,
-            defocus_mm: finite(lens.away_from_lens_mm(image_distance_mm - order.image_distance_mm)),
+            defocus_mm: table.defocus_mm,
             entrance_pupil_from_first_vertex_mm: finite(order.entrance_pupil_at_mm),
             exit_pupil_from_last_vertex_mm: finite(order.exit_pupil_at_mm),
             exit_pupil_mm: finite(order.exit_pupil_mm),
@@ -342,13 +343,14 @@ fn warnings(lens: &Lens, order: &FirstOrder, spots: &[Spots]) -> Vec<String> {
     found.extend(unshadowed(lens));
     let last = lens.surfaces.len() - 1;
     let direction = if lens.light_goes_forwards(last) { 1.0 } else { -1.0 };
-    if order.image_distance_mm.is_finite() && order.image_distance_mm * direction < 0.0 {
+    let paraxial_image_mm = paraxial_image_mm(lens);
+    if paraxial_image_mm.is_some_and(|at_mm| at_mm * direction < 0.0) {
         found.push("the paraxial image is virtual: it lies in front of the last surface".to_owned());
     }
     if !order.efl_mm.is_finite() {
         found.push("the lens is afocal in the y-z plane: it has no focal length".to_owned());
     } else if (lens.track_mm() / order.efl_mm).abs() < NEARLY_AFOCAL {
-        let of_beams = if lens.object == ObjectDistance::Infinity {
+        let of_beams = if lens.object == ObjectDistance::Infinity && paraxial_image_mm.is_some() {
             "; light leaves it nearly parallel, and spots are little else than beam widths on the plane of the file"
         } else {
             ""
@@ -358,15 +360,15 @@ fn warnings(lens: &Lens, order: &FirstOrder, spots: &[Spots]) -> Vec<String> {
             (order.efl_mm / lens.track_mm()).abs()
         ));
     }
-    if matches!(lens.object, ObjectDistance::Finite(_)) && !order.image_distance_mm.is_finite() {
-        found.push("the object is at the front focus: its image is at infinity".to_owned());
+    if matches!(lens.object, ObjectDistance::Finite(_)) && paraxial_image_mm.is_none() {
+        found.push(image_at_infinity(lens, order.image_distance_mm).to_owned());
     }
     if leaves_parallel(lens) == [true; 2] {
         found.push(
             "light leaves the lens parallel: it makes no image, and neither spots nor illumination are listed"
                 .to_owned(),
         );
-    } else if !order.image_distance_mm.is_finite() {
+    } else if paraxial_image_mm.is_none() {
         found.push(
             "light leaves the lens parallel in its paraxial y-z section alone: spots are those of real rays on the plane of the file".to_owned(),
         );

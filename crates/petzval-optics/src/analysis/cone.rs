@@ -5,7 +5,7 @@
 use std::f64::consts::{PI, TAU};
 
 use crate::lens::Lens;
-use crate::paraxial::first_order;
+use crate::paraxial::{FirstOrder, first_order};
 use crate::pupil::{aim_one, paraxial_launch};
 use crate::seidel::marginal_and_chief;
 use crate::trace::{Sequence, launch, trace_ray};
@@ -16,6 +16,9 @@ const RIM: usize = 16;
 
 /// Share of the pupil at which rays say whether light leaves parallel: spherical aberration has a billionth of its angle there.
 const NEAR_AXIS: f64 = 1e-3;
+
+/// Paraxial f-number beyond which light counts as parallel: no plane within reach shows its image.
+const PARALLEL_F_NUMBER: f64 = 1e5;
 
 /// Angle between two such rays that leave parallel, rad.
 const PARALLEL_RAD: f64 = 1e-7;
@@ -60,15 +63,30 @@ impl Cone {
     }
 }
 
+/// Distance from the last vertex to the paraxial image of the y-z section at the reference wavelength, mm. `None` if light leaves that section
+/// parallel: the image is at infinity, or the cone to it is slower than f/100000, as with an object 1 um from the front focus.
+pub fn paraxial_image_mm(lens: &Lens) -> Option<f64> {
+    let sequence = lens.at_wavelength(lens.reference_um);
+    image_within_reach_mm(&sequence, &first_order(&sequence))
+}
+
+/// [`paraxial_image_mm`] of a lens at one wavelength.
+fn image_within_reach_mm(sequence: &Sequence, order: &FirstOrder) -> Option<f64> {
+    let na = paraxial_na(sequence);
+    // An aperture of exactly 0 comes from a pupil at infinity, and says nothing of the image.
+    let is_parallel = na > 0.0 && na < 0.5 / PARALLEL_F_NUMBER;
+    Some(order.image_distance_mm).filter(|mm| mm.is_finite() && !is_parallel)
+}
+
 /// Whether light of the axis leaves a lens parallel in the x-z and in the y-z section, at the reference wavelength.
 ///
-/// Where the paraxial image of the y-z section is at a finite distance, it does not. Elsewhere real rays decide, a thousandth of the pupil on either side
+/// Where the y-z section has a paraxial image ([`paraxial_image_mm`]), it does not. Elsewhere real rays decide, a thousandth of the pupil on either side
 /// of its middle: the paraxial ray sees neither the power of a cylinder in x nor the slope of an axicon. A section whose rays are lost counts as
 /// parallel.
 pub fn leaves_parallel(lens: &Lens) -> [bool; 2] {
     let sequence = lens.at_wavelength(lens.reference_um);
     let order = first_order(&sequence);
-    if order.image_distance_mm.is_finite() {
+    if image_within_reach_mm(&sequence, &order).is_some() {
         return [false; 2];
     }
     let direction = |p: [f64; 2]| {

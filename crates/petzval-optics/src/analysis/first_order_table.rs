@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::cone::Cone;
+use super::cone::{Cone, paraxial_image_mm};
 use crate::lens::{Lens, ObjectDistance};
 use crate::paraxial::{first_order, image_height_per_tangent, paraxial_ray, rectilinear_tangent};
 use crate::seidel::marginal_and_chief;
@@ -33,7 +33,7 @@ pub struct FirstOrderTable {
     pub angular_magnification: Option<f64>,
     /// From the first vertex to the object, mm, negative.
     pub object_mm: Option<f64>,
-    /// Lateral magnification of a near object.
+    /// Lateral magnification of a near object; none where light leaves parallel.
     pub magnification: Option<f64>,
     /// From the last vertex to the image plane, mm.
     pub image_mm: f64,
@@ -73,10 +73,13 @@ pub fn first_order_table(lens: &Lens) -> FirstOrderTable {
     let full_field_deg = lens.outermost_field_deg();
     let full = full_field_deg.to_radians();
     let per_tangent = image_height_per_tangent(&sequence);
+    let paraxial_image_mm = paraxial_image_mm(lens);
     let (object_mm, magnification) = match lens.object {
         ObjectDistance::Infinity => (None, None),
         // The field of tangent t has its object at -D t.
-        ObjectDistance::Finite(d) => (Some(-d), exists(-per_tangent / d)),
+        ObjectDistance::Finite(d) => {
+            (Some(-d), exists(-per_tangent / d).filter(|_| paraxial_image_mm.is_some()))
+        }
     };
     let (marginal, chief) = marginal_and_chief(&sequence, full);
     // A ray that leaves parallel to the axis comes from the front focal point: y + u s = 0 there.
@@ -101,7 +104,7 @@ pub fn first_order_table(lens: &Lens) -> FirstOrderTable {
         object_mm,
         magnification,
         image_mm: lens.image_distance_mm(),
-        defocus_mm: exists(lens.away_from_lens_mm(lens.image_distance_mm() - order.image_distance_mm)),
+        defocus_mm: paraxial_image_mm.map(|at_mm| lens.away_from_lens_mm(lens.image_distance_mm() - at_mm)),
         total_track_mm: lens.track_mm(),
         entrance_pupil_mm: lens.entrance_pupil_mm,
         entrance_pupil_at_mm: exists(order.entrance_pupil_at_mm),

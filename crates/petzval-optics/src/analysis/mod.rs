@@ -20,7 +20,7 @@ mod third_order;
 mod wavefront;
 
 pub use axial_colour::{AxialColour, LongitudinalAberration, axial_colour, longitudinal_aberration};
-pub use cone::{Cone, leaves_parallel};
+pub use cone::{Cone, leaves_parallel, paraxial_image_mm};
 pub use encircled_energy::{EncircledEnergy, encircled_energy};
 pub use error::AnalysisError;
 pub use fan::{Fan, fan};

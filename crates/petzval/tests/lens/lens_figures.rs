@@ -147,6 +147,36 @@ fn an_object_at_the_front_focus_has_its_image_at_infinity() {
     run_fails(folder.path(), &["lens", "analyze", &file], 2, &["the object is at the front focus"]);
 }
 
+/// An object beside the front focus by the rounding of its distance, and a telescope out of adjustment by as much, have no image within reach.
+#[test]
+fn light_that_leaves_nearly_parallel_makes_no_image_for_any_verb() {
+    let folder = tempfile::tempdir().unwrap();
+    let thin = |stop: &str, focal: &str, thickness: &str| {
+        format!(
+            "[[surface]]\n{stop}radius_mm = inf\nthin_lens = {{ focal_length_mm = {focal} }}\nthickness_mm = {thickness}\nsemi_diameter_mm = 10.0\n"
+        )
+    };
+    let stop = "stop = true\n";
+    let near = pupil(10.0) + "[object]\ndistance_mm = 100.0001\n";
+    let collimator = lens(folder.path(), "collimator", &near, &thin(stop, "100.0", "50.0"));
+    let surfaces = thin(stop, "200.0", "240.0001") + &thin("", "40.0", "48.0");
+    let telescope = lens(folder.path(), "telescope", &pupil(20.0), &surfaces);
+    for (file, reason) in [
+        (&collimator, "so near the front focus"),
+        (&telescope, "so nearly afocal that light leaves it parallel"),
+    ] {
+        let (json, text) = shown(folder.path(), file);
+        for key in ["defocus_mm", "magnification", "working_f_number", "total_track_mm"] {
+            assert!(json[key].is_null(), "{key}: {}", json[key]);
+        }
+        assert!(text.contains("light leaves the lens parallel") && !text.contains("beam widths"), "{text}");
+        for args in [&["lens", "focus", file, "focused.toml"][..], &["lens", "analyze", file]] {
+            run_fails(folder.path(), args, 2, &[reason]);
+        }
+        run_fails(folder.path(), &["psf", file, "--out", "psf"], 2, &["light leaves the lens parallel"]);
+    }
+}
+
 #[test]
 fn a_stop_at_the_vertex_of_a_concave_mirror_is_read_and_analysed() {
     let folder = tempfile::tempdir().unwrap();
