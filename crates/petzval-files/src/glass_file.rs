@@ -51,6 +51,11 @@ impl GlassWarning {
         Self { error, kind: "the glass is left out".to_owned() }
     }
 
+    /// A warning about a record of known letters. Those of other records with the same message are of another kind.
+    pub(super) fn of_record(record: &str, error: FileError) -> Self {
+        Self { kind: format!("{record}: {}", error.message), error }
+    }
+
     /// The first warning of each kind, in their order, with the number of further ones.
     pub fn by_kind<'a>(warnings: impl IntoIterator<Item = &'a Self>) -> Vec<(&'a Self, usize)> {
         let mut kinds: Vec<(&Self, usize)> = Vec::new();

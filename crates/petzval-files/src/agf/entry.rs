@@ -136,7 +136,10 @@ impl Entry {
                 // Resistances may be words; only the first value, the cost, is read.
                 self.glass.relative_cost = line.words().next().and_then(finite).filter(|cost| *cost > 0.0);
             }
-            _ => warnings.push(line.error("the numbers do not fit the record: left out").into()),
+            _ => {
+                let error = line.error("the numbers do not fit the record: left out");
+                warnings.push(GlassWarning::of_record(record, error));
+            }
         }
         Ok(())
     }

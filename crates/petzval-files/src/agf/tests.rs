@@ -167,14 +167,18 @@ fn a_formula_that_contradicts_its_printed_index_or_abbe_number_is_refused_with_b
 #[test]
 fn one_warning_of_each_kind_stands_for_all() {
     let prose = "words\n".repeat(2000);
-    let text = format!("{prose}{GLASS}IT 0.36 x 25\n{}", WRAPPED.replace("1.516800", "1.6"));
+    let text = format!(
+        "{prose}{GLASS}IT 0.36 x 25\nIT 0.37 x 25\nLD 2.5 0.3\n{}",
+        WRAPPED.replace("1.516800", "1.6")
+    );
     let file = parse_agf(&text, "").unwrap();
     let kinds = GlassWarning::by_kind(&file.warnings);
     let said: Vec<(&str, usize)> = kinds.iter().map(|(first, more)| (first.kind.as_str(), *more)).collect();
     let expected = [
         ("the glass is left out", 0),
         ("no such record in AGF files: left out", 1999),
-        ("the numbers do not fit the record: left out", 0),
+        ("IT: the numbers do not fit the record: left out", 1),
+        ("LD: the numbers do not fit the record: left out", 0),
     ];
     assert_eq!(said, expected);
 }
