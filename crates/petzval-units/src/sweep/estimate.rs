@@ -116,7 +116,8 @@ fn cost_of(first: &PlannedUnit, context: &Context) -> Result<(f64, u64)> {
 /// A folder for the unit that is timed. It is removed when the value is dropped.
 fn own_folder() -> Result<TemporaryFolder> {
     TemporaryFolder::sweep_left();
-    TemporaryFolder::new("estimate").map_err(|e| JobError::failed(format!("a folder for the unit that is timed: {e}")))
+    TemporaryFolder::new("estimate")
+        .map_err(|e| JobError::failed(format!("a folder for the unit that is timed: {e}")))
 }
 
 /// How the estimate ends that was cancelled: the folder of its unit is removed.
