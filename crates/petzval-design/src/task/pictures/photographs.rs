@@ -336,7 +336,7 @@ fn own_photos(place: &Path, search: &PhotoSearch) -> Result<Read> {
 /// held-out ones that are not `listed`.
 fn photos_of_run(place: &Path, listed: &Pictures, limits_scores: bool, search: &PhotoSearch) -> Result<Read> {
     let FoundPhotos { photos, skipped, notes, readers } = find_photos(place, search)?;
-    let others = || DesignError::misfit(place, "holds other pictures than those of the run", "name another");
+    let others = || DesignError::misfit(place, &"holds other pictures than those of the run", "name another");
     let held_out = listed.files.iter().filter(|file| file.list == List::HeldOut).count();
     let trained = listed.files.len() - held_out;
     let most_held_out = (trained / (HELD_OUT_EVERY - 1)).max(1);
