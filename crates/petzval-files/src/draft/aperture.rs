@@ -183,7 +183,7 @@ pub(super) fn within_stop(lens: &Lens, stop: &Drafted, losses: &mut Losses) -> f
         rounded(diameter),
         rounded(narrowed)
     );
-    stop.record.lose(losses, Effect::Approximated, message);
+    stop.clear_at().lose(losses, Effect::Approximated, message);
     narrowed
 }
 

@@ -42,6 +42,11 @@ impl Drafted {
         self.places.thickness.as_ref().unwrap_or(&self.record)
     }
 
+    /// The record of the clear semi-diameter.
+    pub fn clear_at(&self) -> &Record {
+        self.places.clear.as_ref().unwrap_or(&self.record)
+    }
+
     /// Whether the file leaves its clear semi-diameter to the beam.
     pub fn follows_beam(&self) -> bool {
         matches!(self.clear, Clear::Open(_))
@@ -53,7 +58,7 @@ impl Drafted {
         match culprit {
             Culprit::Thickness => self.thickness_at(),
             Culprit::SemiDiameter if self.follows_beam() => aperture,
-            Culprit::SemiDiameter => self.places.clear.as_ref().unwrap_or(own),
+            Culprit::SemiDiameter => self.clear_at(),
             Culprit::Glass => self.places.glass.as_ref().unwrap_or(own),
             Culprit::Placement | Culprit::ThinLens | Culprit::Other => own,
         }

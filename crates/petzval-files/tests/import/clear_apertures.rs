@@ -35,8 +35,12 @@ fn a_clear_aperture_of_the_stop_that_cuts_the_beam_narrows_the_entrance_pupil() 
     for (record, diameter) in
         [("  CLAP 0 3 0", 6.0), ("  CLAP 0 4.9 0", 9.8), ("  SQAP 1 1", 2.0 * 2_f64.sqrt())]
     {
-        let (found, said) = pupil(&zmx(&changed(ZMX, "  CLAP 0 6 0", record)));
+        let import = zmx(&changed(ZMX, "  CLAP 0 6 0", record));
+        let (found, said) = pupil(&import);
         assert!((found - diameter).abs() < 1e-12, "{record}: {found}");
+        // The warning is about the record of the aperture.
+        let narrowing = import.losses.iter().find(|loss| loss.message.contains("is narrowed")).unwrap();
+        assert_eq!(narrowing.record.trim(), record.trim());
         assert!(
             said.contains("is narrowed from 10 to") && said.contains("the clear aperture of the stop"),
             "{said}"
