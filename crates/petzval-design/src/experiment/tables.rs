@@ -380,7 +380,7 @@ parameters! {
         /// Iterations of Levenberg and Marquardt's method after which a stage with the goal spot or restored ends, converged or not.
         iterations: usize = 200, "", 1..1e6, Log, "a few dozen to a few hundred until it converges";
         /// Rounds of a global search before a stage with the goal spot goes downhill from the best lens that it found; 0 starts from the lens as
-        /// it stands. A round makes 16 descents from random lenses within the bounds and from the best so far.
+        /// it stands. A round makes up to 16 descents from random lenses within the bounds and from the best so far.
         rounds: usize = 0, "", 0..1e5, Linear, "5 take a few seconds";
     }
 }

@@ -20,7 +20,7 @@ use crate::design_space::{DesignSpace, DesignSpaceError};
 pub struct SearchOptions {
     /// Everything random follows from it.
     pub seed: u64,
-    /// Candidates a round.
+    /// Candidates a round: each makes one descent, unless it is dropped.
     pub round: usize,
     /// Iterations after which a candidate must be near the best to go on.
     pub trial_iterations: usize,
@@ -80,6 +80,7 @@ pub struct Search<'a> {
     /// Best first, no two alike.
     kept: Vec<Found>,
     descents: u64,
+    dropped: u64,
 }
 
 /// A candidate must come this near to the best merit, in RMS, within the trial iterations.
@@ -105,7 +106,7 @@ impl<'a> Search<'a> {
     /// A search that has not begun.
     pub fn new(problem: &'a Problem, options: SearchOptions) -> Result<Self, DesignSpaceError> {
         let space = problem.space()?;
-        Ok(Self { problem, options, space, round: 0, kept: Vec::new(), descents: 0 })
+        Ok(Self { problem, options, space, round: 0, kept: Vec::new(), descents: 0, dropped: 0 })
     }
 
     /// A search that goes on.
@@ -179,12 +180,19 @@ impl<'a> Search<'a> {
         (self.round, self.descents)
     }
 
+    /// Candidates without a descent: no start was found whose rays reach the image, or the descent lost them.
+    pub fn dropped(&self) -> u64 {
+        self.dropped
+    }
+
     /// One round. Returns whether it found a better lens.
     pub fn advance(&mut self) -> bool {
         let before = self.best().map_or(f64::INFINITY, |f| f.analysis.merit);
         let found: Vec<Option<Found>> =
             (0..self.options.round).into_par_iter().map(|place| self.candidate(place)).collect();
-        self.descents += found.iter().flatten().count() as u64;
+        let descents = found.iter().flatten().count();
+        self.descents += descents as u64;
+        self.dropped += (found.len() - descents) as u64;
         for candidate in found.into_iter().flatten() {
             self.keep(candidate);
         }

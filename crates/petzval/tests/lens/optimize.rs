@@ -396,6 +396,8 @@ fn a_search_never_returns_less_than_its_start() {
     let spot = |found: &serde_json::Value, which: &str| found[which]["mean_rms_spot_um"].as_f64().unwrap();
     assert!(spot(&found, "best") <= spot(&found, "start"), "{found}");
     assert!(limited.says("start  "), "{}", limited.stderr);
+    // Candidates that make no descent are counted: a round has sixteen.
+    assert!(limited.says("1 rounds, 3 descents; 13 candidates were dropped"), "{}", limited.stderr);
     // The first step is the start, and every other is better.
     let merits: Vec<f64> =
         steps(&folder.path().join("run")).iter().map(|s| s["merit_um"].as_f64().unwrap()).collect();

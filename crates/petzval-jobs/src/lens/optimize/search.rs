@@ -74,7 +74,11 @@ pub(super) fn search(
     keep(&search, best.as_ref(), history)?;
     let mut best = best.map(|(fine, _)| fine);
     let (rounds, descents) = search.progress();
-    context.note(format!("{rounds} rounds, {descents} descents"));
+    let dropped = match search.dropped() {
+        0 => String::new(),
+        dropped => format!("; {dropped} candidates were dropped, for their rays do not reach the image"),
+    };
+    context.note(format!("{rounds} rounds, {descents} descents{dropped}"));
     // What earlier calls found still counts.
     if let Some(step) = history.best()
         && best.as_ref().is_none_or(|b| step.merit_um < b.merit.sqrt() * (1.0 - 1e-9))

@@ -41,6 +41,9 @@ fn a_search_gives_the_same_on_any_number_of_threads_and_after_a_break() {
         before = merit;
     }
     assert!(before <= 1.01 * start, "{before} {start}");
+    // Every candidate makes a descent or is counted as dropped.
+    let (rounds, descents) = search.progress();
+    assert_eq!(descents + search.dropped(), rounds * options.round as u64);
 }
 
 #[test]

@@ -53,8 +53,8 @@ pub struct Args {
     /// Seed of the search [default: 1]
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
-    /// Rounds of a search, of 16 descents each: the same rounds find the same lenses on any machine; with --resume as many more [default: 10;
-    /// with --resume those that are left]
+    /// Rounds of a search, of up to 16 descents each: the same rounds find the same lenses on any machine; with --resume as many more
+    /// [default: 10; with --resume those that are left]
     #[arg(long, value_name = "N")]
     rounds: Option<u64>,
     /// Additional stop of a search after this time, s, if its rounds are not done by then
