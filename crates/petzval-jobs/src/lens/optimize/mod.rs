@@ -239,8 +239,8 @@ fn cut_in_words(cutting: &[Option<f64>], is_search: bool) -> String {
         );
     }
     format!(
-        "the clear apertures of surface{s} {numbers} cut the beams and are kept; the descent follows all rays of the stop, start and best are measured by the \
-         light that passes"
+        "the clear apertures of surface{s} {numbers} cut the beams and do not grow, but shrink to beams that need less; the descent follows all rays of the \
+         stop, start and best are measured by the light that passes"
     )
 }
 
