@@ -20,6 +20,9 @@ pub(super) const VIOLATED_MM: f64 = 1e-4;
 /// The bound of contrast, a spot or a wavefront counts as missed from this share of it.
 const MISSED: f64 = 1e-4;
 
+/// Spots of so many times those of the start are worth a warning where requirements are not met.
+const COSTLY: f64 = 10.0;
+
 /// Figures of a lens.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Figures {
@@ -133,6 +136,18 @@ impl Figures {
             format!("{of}: {value:.4} for {target:.4} {unit}").trim_end().to_owned()
         };
         limits.chain(self.operands.iter().filter(is_traded).map(of_operand)).collect()
+    }
+
+    /// A warning where requirements are not met and the mean spot is at least [`COSTLY`] times that of the lens at the start.
+    pub(super) fn cost_of_missed(&self, start: &Self) -> Option<String> {
+        let (before_um, now_um) = (start.mean_rms_spot_um, self.mean_rms_spot_um);
+        let is_costly = before_um > 0.0 && now_um >= COSTLY * before_um && !self.missed().is_empty();
+        is_costly.then(|| {
+            format!(
+                "requirements that are not met leave a mean spot of {now_um:.1} um, {:.0} times that of the start: loosen one of them or leave one out",
+                now_um / before_um
+            )
+        })
     }
 
     /// The limits that hold it: those which a penalty keeps, a hair beyond.

@@ -166,6 +166,9 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
         lens: history.best_lens(),
         page: history.page(),
     };
+    if let Some(said) = found.start.as_ref().and_then(|start| found.best.cost_of_missed(start)) {
+        context.warning(WarningKind::Other, said);
+    }
     let before = start.as_ref().map(|analysis| {
         let fitted = analysis.fitted_lens(&problem);
         if is_as_stated { with_own_apertures(fitted, history.start()) } else { fitted }
