@@ -713,3 +713,54 @@ fn edges_and_gaps_of_the_start_stay_kept() {
         run_ok(folder.path(), &["lens", "optimize", "--resume", "run", "--iterations", "1", "--json"]);
     assert_eq!(broken(&resumed.json()["best"]["violations_mm"]), 0, "{}", resumed.stdout);
 }
+
+/// Operands of a double Gauss that no lens keeps together with the edges and gaps of the start.
+const NEVER_MET: &str =
+    "[[operand]]\nof = \"track\"\nat_most = 60.0\n[[operand]]\nof = \"distortion\"\nat_most = 0.0001\n";
+
+/// A gap with the least limit of 0.01 mm does not shrink to half of it while it counts as kept.
+#[test]
+fn a_gap_that_counts_as_kept_has_nearly_its_least_width() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("lens.toml"), double_gauss()).unwrap();
+    std::fs::write(folder.path().join("ops.toml"), NEVER_MET).unwrap();
+    run_ok(folder.path(), &["lens", "focus", "lens.toml", "start.toml"]);
+    let args = ["lens", "optimize", "start.toml", "--vary", "curvature,air", "--operands", "ops.toml"];
+    let done =
+        run_ok(folder.path(), &[&args[..], &["--iterations", "100", "--out", "run", "--json"]].concat());
+    let found = done.json();
+    for violation in found["best"]["violations_mm"].as_array().unwrap() {
+        let (what, mm) = (violation[0].as_str().unwrap(), violation[1].as_f64().unwrap());
+        let is_of_building = what.starts_with("air") || what.starts_with("edge");
+        assert!(!is_of_building || mm < 0.003, "{violation}");
+    }
+}
+
+/// A descent that returns an earlier lens than its last, which breaks an edge, does not say that it converged.
+#[test]
+fn a_descent_beyond_its_best_lens_does_not_say_that_it_converged() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("lens.toml"), double_gauss()).unwrap();
+    let contrast = "[[operand]]\nof = \"mtf\"\nfrequency_per_mm = 60.0\nat_least = 0.99\n";
+    std::fs::write(folder.path().join("ops.toml"), format!("{NEVER_MET}{contrast}")).unwrap();
+    let args =
+        ["lens", "optimize", "lens.toml", "--operands", "ops.toml", "--iterations", "6", "--out", "run"];
+    let done = run_ok(folder.path(), &args);
+    assert!(done.says("break a limit of edges and gaps which the start keeps"), "{done:?}");
+    assert!(done.says("6 iterations: the last ones break edges or gaps that the start keeps"), "{done:?}");
+}
+
+/// A track that the lens cannot reach makes its spots a hundred times as large, and a warning says so.
+#[test]
+fn requirements_that_cost_the_image_give_a_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    let optimize = |track: &str, out: &str| {
+        run_ok(
+            folder.path(),
+            &["lens", "optimize", LENS, "--track", track, "--iterations", "20", "--out", out],
+        )
+    };
+    let short = optimize("10", "short");
+    assert!(short.says("requirements that are not met leave a mean spot of "), "{}", short.stderr);
+    assert!(!optimize("50", "long").says("requirements that are not met"));
+}

@@ -11,7 +11,7 @@ use petzval_optics::optimize::{
     descend_in_focus, descend_on, descend_softly, descend_watched,
 };
 
-use super::buildable::{OnTheWay, newly_broken};
+use super::buildable::{OnTheWay, ending_kept, newly_broken};
 use super::figures::is_restored;
 use super::history::{History, KeptDescent};
 use super::progress::{
@@ -125,6 +125,7 @@ pub(super) fn descent(
         return Err(failure);
     }
     history.keep_descent(&KeptDescent { state: descent.state.clone(), went_softly })?;
+    let mut went_beyond = false;
     if let Some(what) = newly_broken(start, &descent.best).map(Constraint::to_string) {
         // In a call that goes on, no lens of this call may keep them; the best of the history does.
         let known = match buildable {
@@ -134,12 +135,12 @@ pub(super) fn descent(
         match known {
             Some(OnTheWay { best, at, iteration }) => {
                 context.note(format!(
-                    "the descent goes on to lenses that break a limit of edges and gaps which the start keeps ({what}): the best lens is the last one that keeps them all"
+                    "the descent goes on to lenses that break a limit of edges and gaps which the start keeps ({what}): they do not count"
                 ));
                 if descent.stop != Stop::Interrupted && history.is_better(&best, 0.0) {
                     add(problem, history, &clock, iteration, &best, &at, context)?;
                 }
-                descent = Descent { best, at, ..descent };
+                (descent, went_beyond) = (Descent { best, at, ..descent }, true);
             }
             None => context.note(format!(
                 "no lens on the way keeps all limits of edges and gaps that the start keeps: the best lens breaks one of them ({what})"
@@ -149,7 +150,7 @@ pub(super) fn descent(
     if descent.stop == Stop::Interrupted {
         // No step of the history: without the interruption there would be none.
         history.keep_best(problem, &descent.best)?;
-        return Ok(noted(descent, context));
+        return Ok(noted(descent, went_beyond, context));
     }
     let ways = other_ways(problem);
     let goes_softly = !ways.is_empty() && !went_softly;
@@ -159,15 +160,19 @@ pub(super) fn descent(
                 From::Start => problem.clone(),
                 From::Best => Problem { base: descent.best.lens.clone(), ..problem.clone() },
             };
-            let mut watch = |iteration: usize, _: &Analysis, _: &[f64]| {
+            let mut last = None;
+            let mut watch = |iteration: usize, lens: &Analysis, _: &[f64]| {
                 context.progress(iteration as u64, iterations as u64, *name);
+                if newly_broken(start, lens).is_none() {
+                    last = Some(lens.lens.clone());
+                }
                 !context.is_cancelled()
             };
             let other = way(&on, &options, &mut watch).ok().filter(|d| d.stop != Stop::Interrupted);
-            let counts = |d: &Descent| {
-                d.best.merit < WORTH_IT * descent.best.merit && newly_broken(start, &d.best).is_none()
-            };
-            descent = other.filter(counts).unwrap_or(descent);
+            let other = other.and_then(|d| ending_kept(problem, start, d, last));
+            if let Some(better) = other.filter(|(d, _)| d.best.merit < WORTH_IT * descent.best.merit) {
+                (descent, went_beyond) = better;
+            }
         }
     }
     // The last lens counts, however little it gained.
@@ -176,14 +181,14 @@ pub(super) fn descent(
     }
     went_softly |= goes_softly && !context.is_cancelled();
     history.keep_descent(&KeptDescent { state: descent.state.clone(), went_softly })?;
-    Ok(noted(descent, context))
+    Ok(noted(descent, went_beyond, context))
 }
 
 /// The best lens of the history under the problem; `None` if its rays are lost.
 fn of_history(problem: &Problem, history: &History, context: &Context) -> Result<Option<OnTheWay>> {
     let best = context.assets.import(&path_text(&history.best_lens())?)?.file.lens;
     let lens = Lens { entrance_pupil_mm: problem.base.entrance_pupil_mm, ..best };
-    Ok(OnTheWay::of_file(problem, lens))
+    Ok(OnTheWay::as_it_is(problem, lens))
 }
 
 /// Adds a step to the history, and says so.
@@ -203,9 +208,12 @@ fn add(
     Ok(())
 }
 
-/// Says why a descent ended; returns its lens.
-fn noted(descent: Descent, context: &Context) -> Analysis {
+/// Says why a descent ended; returns its lens. It may have gone on beyond this lens to some that do not count.
+fn noted(descent: Descent, went_beyond: bool, context: &Context) -> Analysis {
     let why = match descent.stop {
+        Stop::Converged | Stop::Stuck | Stop::Exhausted if went_beyond => {
+            "the last ones break edges or gaps that the start keeps; the best lens is an earlier one"
+        }
         Stop::Converged => "converged",
         Stop::Stuck => "no step makes it better",
         Stop::Exhausted => "all iterations are done; --resume with --iterations takes more",

@@ -373,7 +373,7 @@ impl Restored {
 }
 
 /// The least edge thickness and air gap of every goal, mm: a penalty ends a little beyond its limit, and surfaces must not cross there.
-const LEAST_MM: f64 = 0.01;
+pub(super) const LEAST_MM: f64 = 0.01;
 
 /// Whether a search over the whole catalogue may put a glass into a lens: it can be bought, and its formula holds.
 fn is_usable(glass: &Glass, lens: &Lens) -> bool {
