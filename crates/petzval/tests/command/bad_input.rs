@@ -126,7 +126,7 @@ fn a_misspelled_header_is_suspected_where_the_reader_stumbles() {
     for (text, needles) in [
         (
             text.replacen("[[variant]]", "[[varant]]", 1),
-            ["`variant`: duplicate key", "help: it stands above already"],
+            ["`varant`: no such key here", "help: did you mean `variant`?"],
         ),
         (
             staged,

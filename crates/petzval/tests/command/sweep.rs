@@ -275,24 +275,24 @@ fn a_sweep_of_a_job_is_run_here_gathered_and_a_failed_unit_run_again() {
     assert!(dry.stdout.starts_with("2 units\n  grid=16\n  grid=32\n"), "{}", dry.stdout);
 
     // A ray at a field that the lens cannot take fails, and nothing else does.
-    let trace = "job = \"lens-trace\"\n[request]\nlens = \"cooke-triplet-nominal\"\nwavelength = 0.55\npupil = [0.0, 0.5]\n[grid]\nfield = [5.0, 400.0]\n";
+    let trace = "job = \"lens-trace\"\n[request]\nlens = \"cooke-triplet-nominal\"\nwavelength = 0.55\npupil = [0.0, 0.5]\n[grid]\nfield = [5.0, 180.0]\n";
     write(folder.path(), "t.toml", trace);
     let failed = run(folder.path(), &["sweep", "t.toml", "--submit", "here"]);
     assert_eq!(failed.code, Some(1), "{failed:?}");
-    let why = "  field=400.0: `field = 400`: not within 180 degrees";
+    let why = "  field=180.0: `field = 180`: not within 180 degrees";
     assert!(failed.stdout.starts_with(&format!("1 done, 1 failed\n{why}")), "{}", failed.stdout);
-    let retried = run(folder.path(), &["sweep", "t.toml", "--retry", "field=400.0"]);
+    let retried = run(folder.path(), &["sweep", "t.toml", "--retry", "field=180.0"]);
     assert_eq!(retried.code, Some(1), "{retried:?}");
     let status = run_ok(folder.path(), &["sweep", "status", "sweeps/t", "--json"]).json();
     assert_eq!((&status["units"][1]["state"], &status["units"][1]["attempt"]), (&"failed".into(), &2.into()));
     let page = run_ok(folder.path(), &["sweep", "gather", "sweeps/t"]).stdout;
-    assert!(page.contains("1 of 2 units: 1 done, 1 failed\n") && page.contains("\nfield=400.0: "), "{page}");
+    assert!(page.contains("1 of 2 units: 1 done, 1 failed\n") && page.contains("\nfield=180.0: "), "{page}");
     let html = read(&folder.path().join("sweeps/t/sweep.html"));
     // Units of seconds are no hundredth of an hour.
     assert!(html.contains("CPU time so far: ") && !html.contains("0.00 hours"), "{html}");
     assert!(
-        html.contains("Failed units") && html.contains("--retry &#39;field=400.0&#39;")
-            || html.contains("--retry 'field=400.0'"),
+        html.contains("Failed units") && html.contains("--retry &#39;field=180.0&#39;")
+            || html.contains("--retry 'field=180.0'"),
         "{html}"
     );
 
