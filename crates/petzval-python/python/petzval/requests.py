@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any, Literal, TypedDict
 
-JobName = Literal['design', 'design-check', 'design-config', 'design-stop', 'run-view', 'task-view', 'init', 'experiment-list', 'experiment-show', 'experiment-run-all', 'schema', 'report', 'report-so-far', 'compare', 'evaluate', 'lens-show', 'lens-view', 'lens-edit', 'lens-trace', 'lens-analyze', 'lens-convert', 'lens-focus', 'lens-list', 'lens-optimize', 'lens-tolerance', 'glass-find', 'glass-list', 'glass-show', 'psf', 'psf-calibrate', 'psf-capture', 'sensor-list', 'sensor-show', 'sensor-capture', 'sensor-characterize', 'simulate', 'camera-view', 'photo-list', 'raw-show', 'raw-convert', 'raw-mtf', 'isp-show', 'isp-develop', 'isp-tune', 'isp-chart', 'apply', 'detect', 'weights', 'data-convert', 'data-check', 'train-isp-proxy', 'train-optics-proxy', 'bench', 'doctor']
+JobName = Literal['design', 'design-check', 'design-config', 'design-stop', 'run-view', 'task-view', 'init', 'experiment-list', 'experiment-show', 'experiment-run-all', 'schema', 'report', 'report-so-far', 'compare', 'evaluate', 'lens-show', 'lens-view', 'lens-edit', 'lens-trace', 'lens-analyze', 'lens-convert', 'lens-focus', 'lens-list', 'lens-optimize', 'lens-tolerance', 'glass-find', 'glass-list', 'glass-show', 'psf', 'psf-calibrate', 'psf-capture', 'sensor-list', 'sensor-show', 'sensor-capture', 'sensor-characterize', 'simulate', 'camera-view', 'photo-list', 'raw-show', 'raw-convert', 'raw-mtf', 'isp-show', 'isp-develop', 'isp-tune', 'isp-chart', 'apply', 'detect', 'weights', 'data-convert', 'data-check', 'train-isp-proxy', 'train-optics-proxy', 'bench', 'doctor', 'sweep-plan', 'sweep-status', 'sweep-gather', 'runs', 'unit-status', 'unit-list', 'unit-gather']
 """Every job."""
 
 
@@ -1184,9 +1184,9 @@ class LensViewGoalGoalOperands1OperandFileOperandItemOperand(TypedDict, total=Fa
     waves: bool
     """Whether contrast includes diffraction."""
     weight_um: float
-    """Micrometres of spot that one unit beyond a bound counts as much as: for contrast 1, for a wavefront 1 wave,
-    for a spot 1 um. Bounds of the other figures bind: a millimetre beyond counts at least 10 000 um, as for a
-    limit."""
+    """The weight of one unit beyond a bound, as a spot radius in um. A unit is 1 for contrast, 1 wave for a
+    wavefront, 1 um for a spot. Bounds of the other figures bind: a millimetre beyond weighs at least 10 000 um,
+    as for a limit."""
 
 
 class LensViewGoalGoalRestored1Restored(TypedDict, total=False):
@@ -1546,7 +1546,7 @@ class LensTrace(TypedDict, total=False):
     aim: Literal['real'] | Literal['paraxial']
     """What the pupil point lies on."""
     field: float
-    """Field angle, degrees: within 180 degrees of the axis, or 90 for a near object."""
+    """Field angle, degrees: within 180 degrees of the axis, or 90 for a near object. Unit: deg."""
     lens: str | "LensTraceLensInput2LensText1" | "LensTraceLensInput2LensText2"
     """Lens: a built-in name, the path of a file, or the lens itself."""
     pupil: list[float]
@@ -1787,9 +1787,9 @@ class LensOptimizeStartStart1NewGoalGoalOperands1OperandFileOperandItemOperand(T
     waves: bool
     """Whether contrast includes diffraction."""
     weight_um: float
-    """Micrometres of spot that one unit beyond a bound counts as much as: for contrast 1, for a wavefront 1 wave,
-    for a spot 1 um. Bounds of the other figures bind: a millimetre beyond counts at least 10 000 um, as for a
-    limit."""
+    """The weight of one unit beyond a bound, as a spot radius in um. A unit is 1 for contrast, 1 wave for a
+    wavefront, 1 um for a spot. Bounds of the other figures bind: a millimetre beyond weighs at least 10 000 um,
+    as for a limit."""
 
 
 class LensOptimizeStartStart1NewGoalGoalRestored1Restored(TypedDict, total=False):
@@ -3201,3 +3201,157 @@ class Doctor(TypedDict, total=False):
     memory over 300 steps."""
     seconds: int
     """Time after which the check of a device begins nothing new; what it leaves out is listed. Unit: s."""
+
+
+class SweepPlan(TypedDict, total=False):
+    """A sweep.
+
+    Needs `file`."""
+    file: str
+    """Its file."""
+    store: str | None
+    """Folder of its store, whose results say what the other units cost; `sweeps/FILE` if none is named. It need not
+    exist."""
+
+
+class SweepStatus(TypedDict, total=False):
+    """A sweep.
+
+    Needs `store`."""
+    store: str
+    """Folder of its store."""
+
+
+class SweepGather(TypedDict, total=False):
+    """A sweep, and where its tables and its page go.
+
+    Needs `store`."""
+    figure: list[str]
+    """Figures that the page shows; those that vary if none is named."""
+    out: str | None
+    """Folder for tables and page, which is made; nothing is written if none is named. Those in the store itself are
+    replaced, whether or not results may be overwritten."""
+    store: str
+    """Folder of its store."""
+    x: str | None
+    """Key or figure along the axis of the page's scatter plot to the right; the key with the most values other than
+    the seed if none is named, else the second figure."""
+    y: str | None
+    """Key or figure along the upward axis of the plot; the first figure that varies if none is named."""
+
+
+class Runs(TypedDict, total=False):
+    """Which runs."""
+    folder: str
+    """Folder with runs, at any depth. Links to folders are followed one level."""
+
+
+class UnitStatus(TypedDict, total=False):
+    """A store of units.
+
+    Needs `store`."""
+    store: str
+    """Its folder."""
+
+
+class UnitList(TypedDict, total=False):
+    """Units of work.
+
+    Needs `units`."""
+    units: list["UnitListUnitsItemUnit"]
+    """The units, as the lines of a file of units hold them. Relative paths in them start in the folder in which this
+    program runs."""
+
+
+class UnitListUnitsItemUnit(TypedDict, total=False):
+    """A unit of work. A file of units has one in each line, as JSON.
+
+    Needs `name`, `call`."""
+    call: "UnitListUnitsItemUnitCallCall"
+    """The job with its request. Relative paths are those of the folder in which the program runs; `petzval unit run`
+    runs in the folder of the file of units. The folder of results in the request is replaced by one in the store,
+    and may be left out where a call needs one."""
+    key: str | None
+    """Its key when the file was made, as a sweep writes it. A unit whose inputs have changed since is refused."""
+    name: str
+    """Its name, by which it is run again. It does not belong to the key."""
+    seed: int | None
+    """Seed of everything random in place of that of the request."""
+    simd: str
+    """Instruction set: `avx2`, `avx512`, `neon` or `scalar`. A machine that lacks it refuses the unit."""
+    version: str
+    """Version of the program; another one refuses the unit."""
+
+
+class UnitListUnitsItemUnitCallCall(TypedDict, total=False):
+    """A job with its request and its surroundings.
+
+    Needs `format`, `job`."""
+    device: str | None
+    """Where tensors live, for jobs whose request has the key `device`; that of the request if none is named here."""
+    format: int
+    """Version of this form: 1."""
+    glasses: list[str]
+    """Glass catalogues whose glasses take precedence over the built-in ones, by path."""
+    job: str
+    """Name of the job; `petzval jobs` lists them."""
+    overwrite: bool
+    """Overwrite results that are there already."""
+    request: Any
+    """Its request; `petzval schema job NAME` prints the schema."""
+    threads: int
+    """Threads to use; 0 means those of the process. Results do not depend on it."""
+
+
+class UnitGather(TypedDict, total=False):
+    """Units of work, and where their results are.
+
+    Needs `units`, `store`."""
+    out: str | None
+    """Folder for the files of the analysis, as `lens-tolerance` writes them; of several analyses one folder each in
+    it. Nothing is written if none is named."""
+    store: str
+    """Folder of their store."""
+    units: list["UnitGatherUnitsItemUnit"]
+    """The units, as the lines of a file of units hold them. Those of other jobs than `lens-tolerance` are passed
+    over. Relative paths in them start in the folder in which this program runs."""
+
+
+class UnitGatherUnitsItemUnit(TypedDict, total=False):
+    """A unit of work. A file of units has one in each line, as JSON.
+
+    Needs `name`, `call`."""
+    call: "UnitGatherUnitsItemUnitCallCall"
+    """The job with its request. Relative paths are those of the folder in which the program runs; `petzval unit run`
+    runs in the folder of the file of units. The folder of results in the request is replaced by one in the store,
+    and may be left out where a call needs one."""
+    key: str | None
+    """Its key when the file was made, as a sweep writes it. A unit whose inputs have changed since is refused."""
+    name: str
+    """Its name, by which it is run again. It does not belong to the key."""
+    seed: int | None
+    """Seed of everything random in place of that of the request."""
+    simd: str
+    """Instruction set: `avx2`, `avx512`, `neon` or `scalar`. A machine that lacks it refuses the unit."""
+    version: str
+    """Version of the program; another one refuses the unit."""
+
+
+class UnitGatherUnitsItemUnitCallCall(TypedDict, total=False):
+    """A job with its request and its surroundings.
+
+    Needs `format`, `job`."""
+    device: str | None
+    """Where tensors live, for jobs whose request has the key `device`; that of the request if none is named here."""
+    format: int
+    """Version of this form: 1."""
+    glasses: list[str]
+    """Glass catalogues whose glasses take precedence over the built-in ones, by path."""
+    job: str
+    """Name of the job; `petzval jobs` lists them."""
+    overwrite: bool
+    """Overwrite results that are there already."""
+    request: Any
+    """Its request; `petzval schema job NAME` prints the schema."""
+    threads: int
+    """Threads to use; 0 means those of the process. Results do not depend on it."""
