@@ -36,6 +36,7 @@ use crate::error::{JobError, Result};
 use crate::event::WarningKind;
 use crate::given_psfs;
 use crate::lens::tolerance::{read as read_tolerances, warn_of_wide_tolerances};
+use crate::missing_scores::warn_of_missing;
 use crate::range::check_ranges;
 use crate::run_page::warn_of_changed_config;
 
@@ -244,27 +245,6 @@ fn explained(metrics: Metrics, scorer: &Scorer, context: &Context) -> Metrics {
     let metrics = scorer.with_reasons(metrics);
     warn_of_missing(&metrics, context);
     metrics
-}
-
-/// Warns of scores of which a camera has no value.
-pub(crate) fn warn_of_missing(metrics: &Metrics, context: &Context) {
-    if let Some(text) = without_scores(&metrics.rows, &metrics.scores) {
-        context.warning(WarningKind::DataSet, text);
-    } else if let Some(missing) = metrics.missing_values() {
-        context.warning(WarningKind::LeftOut, missing);
-    }
-}
-
-/// What to say where no camera has a score; `None` where one has.
-fn without_scores(rows: &[CameraMetrics], scores: &[ScoreDescription]) -> Option<String> {
-    if rows.iter().any(|row| !row.scores.is_empty()) {
-        return None;
-    }
-    let headings: Vec<String> = scores.iter().map(ScoreDescription::heading).collect();
-    Some(format!(
-        "nothing in the scored windows counts for {}: no camera has a score; give pictures that show objects of the classes of the run",
-        headings.join(", ")
-    ))
 }
 
 /// The figures of a run without those of its ceilings, whose PSFs are those of a perfect lens.
@@ -591,11 +571,6 @@ mod tests {
         ]
         .map(|scores| BTreeMap::from([("ap50".to_owned(), scores)]))
         .into();
-        assert_eq!(without_scores(&metrics.rows, &metrics.scores), None);
-        let mut none = metrics.rows.clone();
-        none.iter_mut().for_each(|row| row.scores.clear());
-        let said = without_scores(&none, &metrics.scores).unwrap();
-        assert!(said.contains("counts for AP50: no camera has a score"), "{said}");
         let found = differences(&metrics.rows, &draws, &metrics.scores);
         assert_eq!(found.len(), 1);
         assert_eq!([&found[0].camera, &found[0].against], ["end-to-end", "nominal"]);

@@ -43,6 +43,7 @@ mod kept;
 mod keys;
 pub mod lens;
 pub mod machine;
+mod missing_scores;
 mod named_inputs;
 mod named_isp;
 mod noted;

@@ -38,6 +38,7 @@ pub use crate::experiment::DEFAULT_EXPERIMENT;
 use crate::init;
 use crate::input::ExperimentInput;
 use crate::machine::environment;
+use crate::missing_scores::warn_of_missing;
 use crate::own_lens::{is_lens, own_lens};
 use crate::own_pictures::{absolute, with_pictures};
 use crate::range::check_ranges;
@@ -291,7 +292,7 @@ fn run_from(request: &Request, context: &Context) -> Result<Response> {
     match design.run(&mut watch).map_err(JobError::of_run)? {
         Ending::Stopped(step) => Err(stopped(format!("stopped at step {step}"), folder.root(), request)),
         Ending::Finished(metrics) => {
-            crate::evaluate::warn_of_missing(&metrics, context);
+            warn_of_missing(&metrics, context);
             let (report, sentences) = crate::run_page::write(&setup, &folder, context)?;
             Ok(Response { run: folder.root().to_path_buf(), metrics, report, sentences })
         }

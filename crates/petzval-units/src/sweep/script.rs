@@ -95,8 +95,8 @@ fn in_directive(path: &Path) -> String {
     path.to_string_lossy().replace('\\', "\\\\").replace('"', "\\\"").replace('%', "%%")
 }
 
-/// The array of Slurm. The shell stays: it passes on the signals of a preemption or of the end of the time, and puts a task back into the queue that
-/// has ended with a checkpoint, which is exit code 75, or for want of the store, which is 74. Slurm itself does not.
+/// The array of Slurm. The shell stays: it passes on the signals of a preemption or of the end of the time. It also puts a task back into the queue
+/// that has ended with a checkpoint (exit code 75) or could not reach its store (74). Slurm itself does not.
 fn slurm(of: &Submission) -> String {
     let Submission { name, tasks, threads, simd, time, options, .. } = of;
     let options: String = options.iter().map(|option| format!("#SBATCH {option}\n")).collect();
