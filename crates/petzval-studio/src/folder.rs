@@ -95,7 +95,8 @@ impl Folder {
 }
 
 /// The key under which the request of a job holds an experiment itself, in place of its name. An experiment names folders of pictures, weights and
-/// programs, which may lie anywhere: a page names one, and its user decides what stands in the folder.
+/// programs, which may lie anywhere: a page names one, and its user decides what stands in the folder. Requests of calls within the request, such as
+/// those of units, are looked at as those of their own jobs.
 pub fn inline_experiment(job: &str, request: &Value) -> Option<&'static str> {
     let (init, from) = FROM;
     if job == init && request.get(from).is_some_and(Value::is_object) {
@@ -106,6 +107,7 @@ pub fn inline_experiment(job: &str, request: &Value) -> Option<&'static str> {
         Value::Object(keys) => {
             let is_inline = |of: &Value| of.is_object() && !(FITTING.contains(&job) && is_lens(of));
             let own = EXPERIMENTS.into_iter().find(|key| keys.get(*key).is_some_and(is_inline));
+            let job = keys.get("job").and_then(Value::as_str).unwrap_or(job);
             own.or_else(|| keys.values().find_map(|value| inline_experiment(job, value)))
         }
         Value::Null | Value::Bool(_) | Value::Number(_) | Value::String(_) => None,
@@ -154,6 +156,7 @@ mod tests {
     fn experiments_are_named_and_not_sent() {
         let toml = json!({"toml": "photos = \"/etc\""});
         let lens = json!({"toml": "[[surface]]\nstop = true\n"});
+        let unit = |job: &str, request: Value| json!({"units": [{"name": "a", "call": {"job": job, "request": request}}]});
         for (job, request, key) in [
             ("design", json!({"run": {"new": {"experiment": toml}}}), "experiment"),
             ("design", json!({"run": {"new": {"experiment": {"photos": "/etc"}}}}), "experiment"),
@@ -167,6 +170,9 @@ mod tests {
                 json!({"run": {"new": {"experiment": {"toml": lens["toml"], "photos": "/etc"}}}}),
                 "experiment",
             ),
+            ("unit-list", unit("init", json!({"from": toml})), "from"),
+            ("unit-list", unit("design", json!({"run": {"new": {"experiment": toml}}})), "experiment"),
+            ("unit-list", unit("task-view", json!({"experiment": lens})), "experiment"),
         ] {
             assert_eq!(inline_experiment(job, &request), Some(key), "{request}");
         }
@@ -178,6 +184,8 @@ mod tests {
             // A lens, to which an experiment is fitted.
             ("design-config", json!({"run": {"experiment": lens}})),
             ("design", json!({"run": {"new": {"experiment": lens}}})),
+            ("unit-list", unit("design", json!({"run": {"new": {"experiment": lens}}}))),
+            ("unit-list", unit("lens-convert", json!({"from": toml, "to": "x.toml"}))),
         ] {
             assert_eq!(inline_experiment(job, &request), None, "{request}");
         }

@@ -75,7 +75,8 @@ pub fn may_pass(error: &JobError) -> bool {
 
 /// Whether a message of a job is about a disk or a file server, not about the unit: running it again elsewhere or later may succeed.
 ///
-/// Jobs pass errors of the system on as text, which ends in its number: ENOSPC, EROFS, EDQUOT, ESTALE, EIO.
+/// Jobs pass errors of the system on as text, which ends in its number: ENOSPC, EROFS, EDQUOT, ESTALE, EIO; and of a file server that does not answer
+/// ENOTCONN, ETIMEDOUT, EHOSTDOWN, EHOSTUNREACH.
 pub(crate) fn is_of_the_disk(message: &str) -> bool {
-    [28, 30, 122, STALE, 5].iter().any(|number| message.contains(&format!("(os error {number})")))
+    [28, 30, 122, STALE, 5, 107, 110, 112, 113].iter().any(|number| message.contains(&format!("(os error {number})")))
 }

@@ -6,6 +6,7 @@ use std::sync::OnceLock;
 use crate::base::{FileError, reason_and_hint};
 use crate::cli::code::Code;
 use crate::jobs::{Fault, JobError, Place, Stopped, text_of_file};
+use crate::units::store::may_pass;
 use miette::{LabeledSpan, MietteDiagnostic, MietteHandlerOpts, NamedSource, Report};
 
 use super::plain::shown;
@@ -54,14 +55,16 @@ impl Failure {
         Self { report: Report::new(report), code }
     }
 
+    /// The failure of a job on a store of units, which may be full or out of reach for a while: then the same command goes on.
+    pub fn of_store(error: JobError) -> Self {
+        let passes = may_pass(&error);
+        let failure = Self::from(error);
+        if passes { Self { code: Code::STORE, ..failure } } else { failure }
+    }
+
     /// Its exit code.
     pub fn code(&self) -> Code {
         self.code
-    }
-
-    /// The same with another exit code.
-    pub fn with_code(self, code: Code) -> Self {
-        Self { code, ..self }
     }
 
     /// Prints the failure on stderr; returns its exit code.
@@ -181,7 +184,22 @@ fn kept_in_words(stopped: &Stopped) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::io::Error;
+
+    use crate::units::store::StoreError;
+
     use super::*;
+
+    #[test]
+    fn a_full_store_is_no_failed_unit() {
+        // ENOSPC, EIO, ETIMEDOUT, EROFS.
+        for (number, code) in [(28, Code::STORE), (5, Code::STORE), (110, Code::STORE), (30, Code::INPUT)] {
+            let source = Error::from_raw_os_error(number);
+            let error = JobError::from(StoreError::Io { path: "/store".into(), source });
+            assert_eq!(Failure::of_store(error).code(), code, "{number}");
+        }
+        assert_eq!(Failure::of_store(JobError::failed("no light")).code(), Code::FAILURE);
+    }
 
     #[test]
     fn settings_are_named_as_users_write_them() {

@@ -23,7 +23,7 @@ const EXIT_AT_ONCE: i32 = 1;
 const GRACE: Duration = Duration::from_secs(1);
 
 /// What a signal does to a job that keeps checkpoints.
-const WITH_CHECKPOINT: &str = "stopping after the current step, with a checkpoint";
+const WITH_CHECKPOINT: &str = "stopping with a checkpoint";
 
 /// A flag that the first signal sets, for jobs that write checkpoints.
 pub fn stop_on_signal() -> Result<Cancel, Failure> {

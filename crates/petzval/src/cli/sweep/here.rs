@@ -34,38 +34,55 @@ const LOOK: Duration = Duration::from_millis(200);
 /// Looks at the processes between two looks at the units.
 const LOOKS: u32 = 25;
 
+/// Processes at work. Where this program gives up on them, they are ended as by a signal, with their checkpoints.
+struct Running(Vec<Child>);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        self.0.iter().for_each(pass_on);
+    }
+}
+
 /// Runs the units. A signal is passed on to the processes, which end with their checkpoints where the job keeps any.
 pub fn run(kept: &KeptSweep, root: &Path, options: &Options, stop: &Cancel) -> Result<Code, Failure> {
+    let look = |seen: &mut Seen| status(kept, root, seen, &Cancel::default()).map_err(Failure::of_store);
     if !options.again.is_empty() {
-        note_finished(&status(kept, root, &mut Seen::default(), &Cancel::default())?, options);
+        note_finished(&look(&mut Seen::default())?, options);
     }
-    let mut running = Vec::new();
+    let mut running = Running(Vec::new());
     for place in 0..options.jobs {
-        running.push(start(kept, root, options, place)?);
+        running.0.push(start(kept, root, options, place)?);
     }
     let (mut looks, mut is_passed_on, mut last) = (0, false, String::new());
     let mut seen = Seen::default();
     let (mut is_stopped, mut lacks_store) = (false, false);
-    while !running.is_empty() {
+    while !running.0.is_empty() {
         if stop.is_set() && !is_passed_on {
             is_passed_on = true;
             noteln!("{}; the same command goes on", stopping([kept.job.as_str()]));
-            running.iter().for_each(pass_on);
+            running.0.iter().for_each(pass_on);
         }
-        let mut left = Vec::new();
-        for mut child in running {
-            match child.try_wait().map_err(|e| Failure::job(format!("a process of the sweep: {e}")))? {
-                None => left.push(child),
+        let mut place = 0;
+        while place < running.0.len() {
+            match running.0[place]
+                .try_wait()
+                .map_err(|e| Failure::job(format!("a process of the sweep: {e}")))?
+            {
+                None => place += 1,
                 Some(ended) => {
                     is_stopped |= has_code(ended, Code::STOPPED);
                     lacks_store |= has_code(ended, Code::STORE);
+                    running.0.remove(place);
                 }
             }
         }
-        running = left;
         looks += 1;
-        if options.jobs > 1 && looks % LOOKS == 0 {
-            let words = status(kept, root, &mut seen, &Cancel::default())?.in_words();
+        // A look that fails shows nothing: the processes know best whether the store is lost.
+        if options.jobs > 1
+            && looks % LOOKS == 0
+            && let Ok(status) = look(&mut seen)
+        {
+            let words = status.in_words();
             if words != last {
                 noteln!("{words}");
                 last = words;
@@ -73,7 +90,7 @@ pub fn run(kept: &KeptSweep, root: &Path, options: &Options, stop: &Cancel) -> R
         }
         std::thread::sleep(LOOK);
     }
-    let status = status(kept, root, &mut seen, &Cancel::default())?;
+    let status = look(&mut seen)?;
     outln!("{}", status.in_words());
     for unit in status.units.iter().filter(|unit| unit.has_error()) {
         outln!("  {}", plain::message(&format!("{}: {}", unit.name, unit.error.clone().unwrap_or_default())));
@@ -135,7 +152,7 @@ fn start(kept: &KeptSweep, root: &Path, options: &Options, place: usize) -> Resu
         command.env_remove(variable);
     }
     if options.jobs > 1 {
-        command.stderr(log_of(&root, place)?);
+        command.stderr(log_of(&root, place).map_err(Failure::of_store)?);
     }
     in_a_group_of_its_own(&mut command);
     command.spawn().map_err(|e| Failure::job(format!("a process of the sweep: {e}")))

@@ -93,9 +93,9 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<Code, Failure> {
         kept.named(name)?;
     }
     let before = KeptSweep::read(&root).ok().filter(|before| before.title != kept.title);
-    let store = kept.keep(&units, &source, &root)?;
+    let store = kept.keep(&units, &source, &root).map_err(Failure::of_store)?;
     let submission = submission(args, &kept, store.root())?;
-    keep_scripts(&submission, store.root())?;
+    keep_scripts(&submission, store.root()).map_err(Failure::of_store)?;
     drop(context);
     noteln!("{} in {}{}", counted(plan.units.len(), "unit"), shown(&root), merged(plan.merged));
     if let Some(before) = before {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::base::counted;
 use crate::cli::code::Code;
 use crate::jobs::{Context, JobError};
-use crate::units::store::{RunOptions, Store, Summary, may_pass, run_all};
+use crate::units::store::{RunOptions, Store, Summary, run_all};
 use crate::units::unit::{Shard, Unit, UnitFile, read_units, shard_of_environment, task_without_count};
 
 use super::super::failure::Failure;
@@ -73,7 +73,7 @@ pub fn run(args: Args, terminal: &Terminal) -> Result<Code, Failure> {
     let options = RunOptions { retries: args.retry, leaves_others: args.no_wait };
     let summary = run_all(&units, || Store::open_or_new(&root), &context, options);
     drop(context);
-    let summary = summary.map_err(failure)?;
+    let summary = summary.map_err(Failure::of_store)?;
     if args.json {
         print_json(&summary)?;
     } else {
@@ -182,13 +182,6 @@ fn in_words(units: usize, summary: &Summary) -> String {
     text
 }
 
-/// The end of a run whose store or units cannot be used, or whose store does not work at the moment.
-fn failure(error: JobError) -> Failure {
-    let passes = may_pass(&error);
-    let failure = Failure::from(error);
-    if passes { failure.with_code(Code::STORE) } else { failure }
-}
-
 fn ending(summary: &Summary) -> Code {
     if summary.stopped.is_some() {
         Code::STOPPED
@@ -196,25 +189,5 @@ fn ending(summary: &Summary) -> Code {
         Code::SUCCESS
     } else {
         Code::FAILURE
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::io::Error;
-
-    use crate::units::store::StoreError;
-
-    use super::*;
-
-    #[test]
-    fn a_full_store_is_no_failed_unit() {
-        // ENOSPC, EIO, EROFS.
-        for (number, code) in [(28, Code::STORE), (5, Code::STORE), (30, Code::INPUT)] {
-            let source = Error::from_raw_os_error(number);
-            let error = JobError::from(StoreError::Io { path: "/store".into(), source });
-            assert_eq!(failure(error).code(), code, "{number}");
-        }
-        assert_eq!(failure(JobError::failed("no light")).code(), Code::FAILURE);
     }
 }
