@@ -78,5 +78,7 @@ pub fn may_pass(error: &JobError) -> bool {
 /// Jobs pass errors of the system on as text, which ends in its number: ENOSPC, EROFS, EDQUOT, ESTALE, EIO; and of a file server that does not answer
 /// ENOTCONN, ETIMEDOUT, EHOSTDOWN, EHOSTUNREACH.
 pub(crate) fn is_of_the_disk(message: &str) -> bool {
-    [28, 30, 122, STALE, 5, 107, 110, 112, 113].iter().any(|number| message.contains(&format!("(os error {number})")))
+    [28, 30, 122, STALE, 5, 107, 110, 112, 113]
+        .iter()
+        .any(|number| message.contains(&format!("(os error {number})")))
 }
