@@ -280,6 +280,11 @@ impl DesignLoop {
         set_sight(&mut blocks.network, &run, variant, &lens)?;
         // Later events go only now that the checkpoint is known to be good.
         let path = run.events();
+        if let Some((latest, _)) = damaged.first().filter(|_| path.is_file()) {
+            // Those after the older checkpoint go, too.
+            let kept = latest.join("events.jsonl");
+            std::fs::copy(&path, &kept).map_err(DesignError::io(&kept))?;
+        }
         let at_checkpoint = events.map(|events| EventLog::resume_at(&path, &events)).transpose()?;
         let log = match at_checkpoint {
             Some(Some(log)) => log,

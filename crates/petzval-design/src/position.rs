@@ -271,7 +271,8 @@ impl Latest {
         damaged.extend(unlike.into_iter().map(|folder| {
             let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
             let why = format!(
-                "checkpoints/{name}/digests.json is not as the run wrote it, or the last events are not: an older checkpoint agrees with events.jsonl"
+                "checkpoints/{name}/digests.json is not as the run wrote it, or the last events are not: an older checkpoint agrees with events.jsonl; to go \
+                 on from the later one, put it back with the events.jsonl that is kept with it, and add `--accept-changed events.jsonl`"
             );
             (folder, why)
         }));

@@ -194,8 +194,8 @@ fn found_from(folder: &Path, path: &Path) -> std::io::Result<PathBuf> {
         _ => std::fs::canonicalize(&path)?,
     };
     let way = relative_path(&real, &std::fs::canonicalize(Path::new(".").join(folder))?);
-    // A single word could be the name of what is built in.
-    Ok(if way.components().count() == 1 { Path::new(".").join(way) } else { way })
+    // A single word could be the name of what is built in, and no word is none of the folder itself.
+    Ok(if way.components().count() <= 1 { Path::new(".").join(way) } else { way })
 }
 
 /// The name of an input that may be left out, and the context in which it is found.

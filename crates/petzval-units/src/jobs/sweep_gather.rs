@@ -67,7 +67,11 @@ fn write(
     let choice = Choice { x: x.clone(), y: y.clone(), figures: figure.clone() };
     let again = format!("petzval sweep {} --store {} --retry", pasted(&kept.file), pasted(store));
     // Only the tables of the store are known to be of this sweep.
-    let keeps = out != store.as_path() && !context.overwrites();
+    let is_of_store = match (out.canonicalize(), store.canonicalize()) {
+        (Ok(out), Ok(store)) => out == store,
+        _ => out == store.as_path(),
+    };
+    let keeps = !is_of_store && !context.overwrites();
     let files = keep_results(gathered, &view(gathered, &choice, &again)?, out, keeps)?;
     for path in &files {
         let is_page = path.extension().is_some_and(|ending| ending == "html");

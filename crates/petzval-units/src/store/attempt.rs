@@ -85,9 +85,12 @@ impl Store {
             began: self.clock.now(),
             cpu: ProcessTime::now(),
             cpu_before: 0.0,
+            disk_stops: 0,
         };
         for earlier in 1..number {
-            attempt.cpu_before += self.attempt_record(key, earlier)?.map_or(0.0, |record| record.cpu_seconds);
+            let Some(record) = self.attempt_record(key, earlier)? else { continue };
+            attempt.cpu_before += record.cpu_seconds;
+            attempt.disk_stops += u32::from(record.ended == Some(Ended::StoppedByDisk));
         }
         if number > MOST_ATTEMPTS {
             let message = format!("{MOST_ATTEMPTS} processes were killed while they worked on it");
@@ -191,6 +194,8 @@ pub struct Attempt {
     cpu: ProcessTime,
     /// CPU seconds of earlier attempts.
     cpu_before: f64,
+    /// Earlier attempts that a fault of the disk has stopped.
+    disk_stops: u32,
 }
 
 impl Attempt {
@@ -202,6 +207,11 @@ impl Attempt {
     /// Its number, from 1.
     pub fn number(&self) -> u32 {
         self.number
+    }
+
+    /// Earlier attempts that ended before the unit did, without those that a fault of the disk has stopped.
+    pub fn stops_before(&self) -> u32 {
+        self.number - 1 - self.disk_stops
     }
 
     /// CPU seconds of earlier attempts.
@@ -317,7 +327,7 @@ impl Attempt {
         let published = store.layer.publish(&path, text.as_bytes()).map_err(StoreError::io(&path));
         if published.is_err() {
             // Others need not wait until the claim is stale. A disk that is full may not even take this.
-            let _unended = self.end(Ended::Stopped);
+            let _unended = self.end(Ended::StoppedByDisk);
         }
         if !published? {
             let first: StoredResult = store.read_late(&path)?;
@@ -341,6 +351,11 @@ impl Attempt {
     /// Ends before the result. Anyone may go on from what the folder holds.
     pub fn stop(mut self) -> Result<(), StoreError> {
         self.end(Ended::Stopped)
+    }
+
+    /// Ends as [`Attempt::stop`] does, by a fault of the disk.
+    pub fn stop_by_disk(mut self) -> Result<(), StoreError> {
+        self.end(Ended::StoppedByDisk)
     }
 
     /// Ends with an error of the unit, which is not run again by itself.

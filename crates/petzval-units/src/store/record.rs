@@ -66,8 +66,10 @@ pub(super) enum Ended {
     Finished,
     /// With a result, when there was one already.
     Superfluous,
-    /// By a signal or a fault of the disk: anyone may go on.
+    /// By a signal: anyone may go on.
     Stopped,
+    /// By a fault of the disk: anyone may go on, and the time of a task was not too short.
+    StoppedByDisk,
     /// With an error of the unit.
     Failed(Box<Failure>),
 }

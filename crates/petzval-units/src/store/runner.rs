@@ -216,11 +216,11 @@ pub(crate) fn run_prepared(
     let place = match checkpoint(&attempt) {
         Ok(place) => place,
         Err(error) => {
-            let _unended = attempt.stop();
+            let _unended = attempt.stop_by_disk();
             return Err(error);
         }
     };
-    if place.from == Beginning::Nothing && attempt.number() > MOST_BEGINNINGS && !options.retries {
+    if place.from == Beginning::Nothing && attempt.stops_before() >= MOST_BEGINNINGS && !options.retries {
         let error = never_ends(&attempt);
         return Ok(Outcome::Failed(Box::new(attempt.fail(error.report())?)));
     }
@@ -252,7 +252,7 @@ pub(crate) fn run_prepared(
 fn never_ends(attempt: &Attempt) -> JobError {
     let message = format!(
         "it was stopped {} times before its end and left no checkpoint: {:.0} CPU s are lost",
-        attempt.number() - 1,
+        attempt.stops_before(),
         attempt.cpu_seconds_before()
     );
     JobError::input(
@@ -274,7 +274,7 @@ fn ended_without(attempt: Attempt, error: JobError, prepared: &Prepared, store: 
         }
         error if is_of_the_disk(&error.to_string()) => {
             // The unit is not to blame: the next process goes on. That the claim cannot be ended either is no other error.
-            let _unended = attempt.stop();
+            let _unended = attempt.stop_by_disk();
             Err(error)
         }
         error => Ok(Outcome::Failed(Box::new(attempt.fail(error.report())?))),
@@ -288,7 +288,7 @@ fn unlisted(attempt: Attempt, error: StoreError, prepared: &Prepared, store: &St
         return Ok(Outcome::There(Box::new(result)));
     }
     // Others need not wait until the claim is stale. A disk that is full may not even take this.
-    let _unended = attempt.stop();
+    let _unended = attempt.stop_by_disk();
     Err(error.into())
 }
 

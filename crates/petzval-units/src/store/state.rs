@@ -233,7 +233,9 @@ impl Store {
         let renewed = record.as_ref().map(|record| record.renewed);
         Ok(match record {
             Some(AttemptRecord { ended: Some(Ended::Failed(failure)), .. }) => UnitState::Failed(failure),
-            Some(AttemptRecord { ended: Some(Ended::Stopped), .. }) => UnitState::Stopped { attempt },
+            Some(AttemptRecord { ended: Some(Ended::Stopped | Ended::StoppedByDisk), .. }) => {
+                UnitState::Stopped { attempt }
+            }
             record => {
                 let unchanged = seen.unchanged(key, attempt, renewed, self.clock.now());
                 // An attempt that has ended with a result has one that is not visible yet, or that was taken away since.

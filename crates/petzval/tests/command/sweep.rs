@@ -341,6 +341,16 @@ fn a_call_starts_the_verbs_of_runs_and_sweeps() {
     let gathered = called("sweep-gather", json!({"store": "sweeps/s", "out": "tables"}));
     assert_eq!(gathered["status"]["units"][0]["state"], "done");
     assert!(folder.path().join("tables/sweep.html").is_file());
+    // The tables of the store itself are made anew, however it is spelled.
+    for _ in 0..2 {
+        called("sweep-gather", json!({"store": "sweeps/s", "out": "./sweeps/../sweeps/s"}));
+    }
+    run_fails(
+        folder.path(),
+        &written("sweep-gather", json!({"store": "sweeps/s", "out": "tables"})),
+        2,
+        &["is there already"],
+    );
     // The verb is the same job.
     let verb = run_ok(folder.path(), &["sweep", "gather", "sweeps/s", "--out", "other", "--json"]).json();
     assert_eq!((&verb["rows"], &verb["figures"]), (&gathered["rows"], &gathered["figures"]));

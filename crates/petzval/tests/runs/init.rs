@@ -260,6 +260,11 @@ fn windows_fit_the_photographs_that_the_command_names() {
     }
     let config = run_ok(folder.path(), &["design", "moved/mine/experiment.toml", "--print-config"]).stdout;
     assert!(config.contains("moved/small\""), "{config}");
+
+    // The photographs lie in the new folder itself.
+    let small = moved.join("small");
+    run_ok(&small, &["init", ".", "--lens", "cooke-triplet-nominal", "--photos", "."]);
+    run_ok(&small, &["design", "experiment.toml", "--print-config"]);
 }
 
 /// A public lens of another program, in a folder with a space.

@@ -265,12 +265,15 @@ fn a_checkpoint_with_a_wrong_digest_of_the_events_gives_way_to_the_one_before() 
     let mut digests = read_json(&path);
     digests["events"]["sha256"] = Value::from("0".repeat(64));
     std::fs::write(&path, digests.to_string()).unwrap();
+    let events = read(&run.join("events.jsonl"));
     let said = run_ok(folder.path(), &["design", "--resume", "run"]);
     let named = format!("checkpoints/{latest}/digests.json is not as the run wrote it");
     for words in [&named[..], "the run goes on from the one of step"] {
         assert!(said.says(words), "{words}: {}", said.stderr);
     }
-    assert!(run.join(format!("checkpoints/damaged-{latest}")).is_dir(), "nothing is lost");
+    let aside = run.join(format!("checkpoints/damaged-{latest}"));
+    assert!(aside.join("position.json").is_file(), "nothing is lost");
+    assert_eq!(read(&aside.join("events.jsonl")), events);
     assert_eq!(read(&run.join("metrics.json")), metrics, "the same bits from the one before");
 }
 

@@ -55,20 +55,21 @@ impl Case {
         Ok(LinearImage { data, ..picture })
     }
 
-    /// Refuses a reference, sRGB-encoded, that is a mosaic saved in colour. Refuses a gray one as well, unless the pictures of the ISP may be gray.
-    pub fn check_colours(&self, reference: &LinearImage, may_be_gray: bool) -> Result<()> {
-        let reason = match ReferenceColours::of(reference) {
-            ReferenceColours::Several => return Ok(()),
-            ReferenceColours::Gray if may_be_gray => return Ok(()),
-            ReferenceColours::Gray => {
-                "its three colours are equal at every pixel: tuning would lead to a mosaic or to a gray picture"
-            }
-            ReferenceColours::Mosaic => {
-                "it is a raw mosaic saved in colour, with one value for each pixel: tuning would lead to this mosaic"
-            }
-        };
+    /// Whether a reference, sRGB-encoded, is gray. Refuses one that is a mosaic saved in colour.
+    pub fn is_gray(&self, reference: &LinearImage) -> Result<bool> {
+        match ReferenceColours::of(reference) {
+            ReferenceColours::Several => Ok(false),
+            ReferenceColours::Gray => Ok(true),
+            ReferenceColours::Mosaic => Err(self.misleads(
+                "it is a raw mosaic saved in colour, with one value for each pixel: tuning would lead to this mosaic",
+            )),
+        }
+    }
+
+    /// The error of a reference that leads an ISP astray.
+    pub fn misleads(&self, reason: &str) -> JobError {
         let message = format!("{}: {reason}", self.reference.display());
-        Err(JobError::input(message, "give the picture in colour that the frame should become"))
+        JobError::input(message, "give the picture in colour that the frame should become")
     }
 }
 

@@ -341,6 +341,7 @@ impl Tuner<'_> {
     /// Checks every frame and its reference before anything is written.
     fn check_frames(&self) -> Result<()> {
         let (pictures, frames) = (NotedPictures::new(self.context), noted_frames(self.context));
+        let mut gray = Vec::new();
         for case in &self.cases {
             let frame = read_one(Source::File(&case.raw), &self.plan.frame, &frames)?;
             frame.note_turn(&case.raw, &frames);
@@ -356,9 +357,30 @@ impl Tuner<'_> {
                 );
             }
             let reference = case.read_reference(frame.turned_size(), &pictures)?;
-            // An external ISP may make gray pictures.
-            case.check_colours(&reference, self.named.is_external())?;
+            if case.is_gray(&reference)? {
+                gray.push(case);
+            }
         }
+        self.check_gray(&gray)
+    }
+
+    /// Refuses frames whose references are all gray, unless the ISP is an external one, which may make gray pictures. Some may be gray: a chart is.
+    fn check_gray(&self, gray: &[&Case]) -> Result<()> {
+        let Some(first) = gray.first().filter(|_| !self.named.is_external()) else { return Ok(()) };
+        if gray.len() == self.cases.len() {
+            return Err(first.misleads(
+                "its three colours are equal at every pixel: tuning would lead to a mosaic or to a gray picture",
+            ));
+        }
+        self.context.warning(
+            WarningKind::Picture,
+            format!(
+                "{} of {} references are gray, the first is {}: tuning leads their frames to gray pictures",
+                gray.len(),
+                self.cases.len(),
+                first.reference.display()
+            ),
+        );
         Ok(())
     }
 

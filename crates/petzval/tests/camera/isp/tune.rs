@@ -143,6 +143,28 @@ fn spoiled_settings_are_tuned_back_and_a_resumed_search_is_the_same() {
         &["--evaluations 0"],
     );
 
+    // A chart among pictures in colour is gray, and may be.
+    std::fs::create_dir(folder.path().join("mixed")).unwrap();
+    std::fs::copy(at("reference", "left.png"), at("mixed", "left.png")).unwrap();
+    image::RgbImage::from_fn(48, 32, |x, y| image::Rgb([(40 + 2 * x + y) as u8; 3]))
+        .save(at("mixed", "right.png"))
+        .unwrap();
+    let mixed = [
+        "isp",
+        "tune",
+        "raws",
+        "--reference",
+        "mixed",
+        "--vary",
+        "gain",
+        "--evaluations",
+        "40",
+        "--out",
+        "gray",
+    ];
+    let said = run_ok(folder.path(), &mixed);
+    assert!(said.says("1 of 2 references are gray, the first is mixed/right.png"), "{}", said.stderr);
+
     // A folder that holds a search, and one whose frames have changed.
     let again = ["isp", "tune", "raws", "--reference", "reference", "--out", "whole"];
     run_fails(folder.path(), &again, 2, &["--out whole", "already holds a search"]);
