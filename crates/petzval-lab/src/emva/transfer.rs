@@ -529,6 +529,19 @@ mod tests {
         assert_eq!((four.used, four.gain_test.verdict), (4, Verdict::Widened), "{four:?}");
         let (k, se) = (four.gain_dn_per_e.value().unwrap(), four.gain_dn_per_e.standard_error().unwrap());
         assert!(((k - 0.1) / se).abs() < 2.0 && four.gain_test.model_error > 0.0, "{k} +- {se}");
+        // The line of four points does not fit a cubic bend, and their parabola does not either: no K.
+        let cubic = photon_transfer(&bent_points(4, 4.0, 3), Rules::Ours).unwrap();
+        assert_eq!((cubic.used, cubic.gain_dn_per_e.value()), (4, None), "{cubic:?}");
+        // Two points do not show that they bend: the error allows for what they may hide.
+        let two = photon_transfer(&bent_points(2, 20.0, 2), Rules::Ours).unwrap();
+        assert_eq!((two.used, two.gain_test.verdict), (2, Verdict::Widened), "{two:?}");
+        let (k, se) = (two.gain_dn_per_e.value().unwrap(), two.gain_dn_per_e.standard_error().unwrap());
+        assert!(((k - 0.1) / se).abs() < 2.0 && two.gain_test.model_error > 0.007, "{k} +- {se}");
+        // A straight response has errors of noise alone.
+        for exposures in 1..=4 {
+            let found = photon_transfer(&bent_points(exposures, 0.0, 2), Rules::Ours).unwrap();
+            assert_eq!((found.used, found.gain_test.model_error), (exposures, 0.0), "{found:?}");
+        }
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::base::counted;
 use crate::cli::code::Code;
-use crate::jobs::{Context, JobError};
+use crate::jobs::Context;
 use crate::units::store::{RunOptions, Store, Summary, run_all};
 use crate::units::unit::{Shard, Unit, UnitFile, read_units, shard_of_environment, task_without_count};
 
