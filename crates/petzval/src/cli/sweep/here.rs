@@ -37,6 +37,25 @@ const LOOKS: u32 = 25;
 /// Processes at work. Where this program gives up on them, they are ended as by a signal, with their checkpoints.
 struct Running(Vec<Child>);
 
+impl Running {
+    /// Takes out those that have ended, and returns how each did.
+    fn ended(&mut self) -> std::io::Result<Vec<ExitStatus>> {
+        let (mut ended, mut failed) = (Vec::new(), None);
+        self.0.retain_mut(|process| match process.try_wait() {
+            Ok(Some(status)) => {
+                ended.push(status);
+                false
+            }
+            Ok(None) => true,
+            Err(error) => {
+                failed = Some(error);
+                true
+            }
+        });
+        failed.map_or(Ok(ended), Err)
+    }
+}
+
 impl Drop for Running {
     fn drop(&mut self) {
         self.0.iter().for_each(pass_on);
@@ -62,19 +81,9 @@ pub fn run(kept: &KeptSweep, root: &Path, options: &Options, stop: &Cancel) -> R
             noteln!("{}; the same command goes on", stopping([kept.job.as_str()]));
             running.0.iter().for_each(pass_on);
         }
-        let mut place = 0;
-        while place < running.0.len() {
-            match running.0[place]
-                .try_wait()
-                .map_err(|e| Failure::job(format!("a process of the sweep: {e}")))?
-            {
-                None => place += 1,
-                Some(ended) => {
-                    is_stopped |= has_code(ended, Code::STOPPED);
-                    lacks_store |= has_code(ended, Code::STORE);
-                    running.0.remove(place);
-                }
-            }
+        for ended in running.ended().map_err(|e| Failure::job(format!("a process of the sweep: {e}")))? {
+            is_stopped |= has_code(ended, Code::STOPPED);
+            lacks_store |= has_code(ended, Code::STORE);
         }
         looks += 1;
         // A look that fails shows nothing: the processes know best whether the store is lost.
