@@ -529,7 +529,7 @@ mod tests {
         assert_eq!((four.used, four.gain_test.verdict), (4, Verdict::Widened), "{four:?}");
         let (k, se) = (four.gain_dn_per_e.value().unwrap(), four.gain_dn_per_e.standard_error().unwrap());
         assert!(((k - 0.1) / se).abs() < 2.0 && four.gain_test.model_error > 0.0, "{k} +- {se}");
-        // The line of four points does not fit a cubic bend, and their parabola does not either: no K.
+        // Four points of a cubic bend give no K.
         let cubic = photon_transfer(&bent_points(4, 4.0, 3), Rules::Ours).unwrap();
         assert_eq!((cubic.used, cubic.gain_dn_per_e.value()), (4, None), "{cubic:?}");
         // Two points do not show that they bend: the error allows for what they may hide.
