@@ -2,9 +2,10 @@
 //! of the paraxial formula, computed apart from this program from the indices that makers print.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use petzval_files::{Effect, Import, parse_catalog, parse_seq, parse_zmx};
-use petzval_optics::glass::Catalog;
+use petzval_optics::glass::{Catalog, Dispersion, Glass};
 use petzval_optics::lens::Lens;
 use petzval_optics::merit::{Merit, SpotResiduals};
 use petzval_optics::paraxial::first_order;
@@ -231,6 +232,34 @@ fn files_in_the_styles_of_other_programs() {
     }
     assert!(wrong.is_empty(), "{read} read, {refused} refused, and these are wrong:\n{}", wrong.join("\n"));
     assert_eq!((read, refused), (29, 4));
+}
+
+/// A catalogue whose glass `N-BK7` of a maker was left out, and that has those of other makers.
+fn without(maker: &str, others: &[&str]) -> Catalog {
+    let mut catalog = catalog();
+    catalog.refuse("N-BK7", maker, "its numbers contradict each other".to_owned());
+    for other in others {
+        let glass = Glass { maker: (*other).into(), ..Glass::new("N-BK7", Dispersion::Constant(1.6)) };
+        catalog.insert("N-BK7", Arc::new(glass));
+    }
+    catalog
+}
+
+#[test]
+fn no_glass_stands_in_for_one_of_the_files_maker_that_was_left_out() {
+    let refused = |catalogs: &str, catalog: &Catalog| {
+        let text = DOUBLET.replace("GCAT SCHOTT MISC", &format!("GCAT {catalogs}"));
+        parse_zmx(&text, catalog).err().map(|error| error.to_string())
+    };
+    for (catalogs, others) in [("SCHOTT MISC", &["Other"][..]), ("SCHOTT OTHER", &["Other"]), ("SCHOTT", &[])]
+    {
+        let said =
+            refused(catalogs, &without("Schott", others)).unwrap_or_else(|| panic!("{catalogs}: read"));
+        assert!(said.contains("its numbers contradict each other"), "{catalogs}: {said}");
+    }
+    // A maker that the file does not name, or names later.
+    assert_eq!(refused("OTHER SCHOTT", &without("Schott", &["Other"])), None);
+    assert_eq!(refused("SCHOTT", &without("Third", &["Schott"])), None);
 }
 
 /// Whether a hair's breadth in front of the focus or behind it, a stop at the focus makes parallel chief rays of the right heights, and a cone of

@@ -1,7 +1,9 @@
 //! Files of Optiland: first-order properties, both layouts of the format, what is lost, and what is refused with its line and surface.
 
+use std::sync::Arc;
+
 use petzval_files::{Import, parse_optiland};
-use petzval_optics::glass::Catalog;
+use petzval_optics::glass::{Catalog, Glass};
 use petzval_optics::lens::{Action, Lens, ObjectDistance};
 use petzval_optics::paraxial::{first_order, paraxial_ray};
 
@@ -307,6 +309,16 @@ fn what_is_lost_is_named_with_its_line() {
         let found = losses(&read(&changed(&text, from, to)));
         assert_eq!(found, [wanted], "{to}");
     }
+}
+
+#[test]
+fn a_glass_that_was_left_out_has_no_stand_in_of_another_maker() {
+    let mut catalog = catalog();
+    let glass = catalog.get("SCHOTT:N-BK7").unwrap();
+    catalog.refuse("N-BK7", "Schott", "its numbers contradict each other".to_owned());
+    catalog.insert("N-BK7", Arc::new(Glass { maker: "Other".into(), ..(*glass).clone() }));
+    let error = parse_optiland(&singlet(), &catalog).unwrap_err().to_string();
+    assert!(error.contains("its numbers contradict each other") && error.contains("OTHER:N-BK7"), "{error}");
 }
 
 #[test]

@@ -67,6 +67,17 @@ fn the_cone_of_a_paraboloid_has_the_sine_of_its_marginal_ray() {
 }
 
 #[test]
+fn a_lens_with_a_tiny_pupil_has_its_image() {
+    for pupil_mm in [10.0, 1e-4, 1e-6] {
+        let lens = lens(pupil_mm, vec![plane(5.0, 12.0), thin(50.0, 50.0)]);
+        assert_eq!(leaves_parallel(&lens), [false; 2], "{pupil_mm}");
+        assert!((paraxial_image_mm(&lens).unwrap() - 50.0).abs() < 1e-9, "{pupil_mm}");
+        let cone = Cone::of(&lens);
+        assert!((cone.working_f_number() * pupil_mm / 50.0 - 1.0).abs() < 0.01, "{pupil_mm}: {cone:?}");
+    }
+}
+
+#[test]
 fn the_mtf_of_a_fast_mirror_ends_at_the_cutoff_of_its_real_cone() {
     let lens =
         Lens { wavelengths_um: vec![0.5], reference_um: 0.5, fields_deg: vec![0.0], ..paraboloid(1.2) };

@@ -65,7 +65,7 @@ use petzval_optics::glass::{Glass, Status};
 /// ```
 pub fn parse_agf(text: &str, maker: &str) -> Result<GlassFile, FileError> {
     let mut file = GlassFile::default();
-    let mut places: HashMap<String, usize> = HashMap::new();
+    let mut places: HashMap<String, Place> = HashMap::new();
     let mut entry: Option<Entry> = None;
     // Glasses that are left out, and whether the current records belong to such a glass.
     let (mut lost, mut in_lost) = (Vec::new(), false);
@@ -102,6 +102,7 @@ pub fn parse_agf(text: &str, maker: &str) -> Result<GlassFile, FileError> {
     if let Some(done) = entry {
         lost.extend(close(done, &mut file, &mut places).err());
     }
+    drop_replaced(&mut file, &lost, &places);
     if file.glasses.is_empty() && !lost.is_empty() {
         return Err(*lost.swap_remove(0).error);
     }
@@ -114,30 +115,51 @@ pub fn parse_agf(text: &str, maker: &str) -> Result<GlassFile, FileError> {
     Ok(file)
 }
 
+/// Where the glass of a name is.
+struct Place {
+    /// Among those of the file.
+    index: usize,
+    /// The line with which it begins.
+    line: usize,
+}
+
+/// Drops glasses whose name a later glass has that is left out: it would have replaced them.
+fn drop_replaced(file: &mut GlassFile, lost: &[Refused], places: &HashMap<String, Place>) {
+    let lines =
+        lost.iter().filter_map(|lost| Some((lost.name.as_ref()?.to_uppercase(), lost.error.line? as usize)));
+    let last: HashMap<String, usize> = lines.collect();
+    file.glasses.retain(|glass| {
+        let name = glass.name.to_uppercase();
+        last.get(&name).is_none_or(|line| places.get(&name).is_some_and(|place| place.line > *line))
+    });
+}
+
 /// Completes a glass and adds it to the file. A later glass of the same name replaces an earlier one, unless only the later
 /// one is obsolete.
-fn close(entry: Entry, file: &mut GlassFile, places: &mut HashMap<String, usize>) -> Result<(), Refused> {
+fn close(entry: Entry, file: &mut GlassFile, places: &mut HashMap<String, Place>) -> Result<(), Refused> {
     let (number, glass) = (entry.line, entry.finish(&mut file.warnings)?);
     let warning = |message: &str| error_at(number, &glass.name, message).into();
     if glass.name.to_uppercase() == "AIR" {
         file.warnings.push(warning("air is built in: left out"));
         return Ok(());
     }
-    match places.get(&glass.name.to_uppercase()) {
+    match places.get_mut(&glass.name.to_uppercase()) {
         Some(place) => {
             let is_obsolete = |glass: &Glass| glass.status == Some(Status::Obsolete);
-            if is_obsolete(&glass) && !is_obsolete(&file.glasses[*place]) {
+            if is_obsolete(&glass) && !is_obsolete(&file.glasses[place.index]) {
                 file.warnings.push(warning("an obsolete glass has the name of this one: left out"));
                 return Ok(());
             }
-            if file.glasses[*place] != glass {
+            if file.glasses[place.index] != glass {
                 let message = "the file has this glass twice, with different figures: the later is used";
                 file.warnings.push(warning(message));
             }
-            file.glasses[*place] = glass;
+            file.glasses[place.index] = glass;
+            place.line = number;
         }
         None => {
-            places.insert(glass.name.to_uppercase(), file.glasses.len());
+            let place = Place { index: file.glasses.len(), line: number };
+            places.insert(glass.name.to_uppercase(), place);
             file.glasses.push(glass);
         }
     }

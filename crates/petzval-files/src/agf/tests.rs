@@ -212,3 +212,19 @@ fn an_unusable_glass_is_a_warning_among_others_and_an_error_alone() {
     }
     assert!(parse_agf("", "").is_err() && parse_agf("CC nothing", "").is_err());
 }
+
+#[test]
+fn a_glass_that_is_refused_takes_the_place_of_an_earlier_one_of_its_name() {
+    let good = |name: &str| format!("NM {name} 5 0 1.5 0\nCD 1.5 0.0 0.0\nLD 0.3 2\n");
+    let bad = "NM A 5 0 1.5 0\nLD 0.3 2\n";
+    let glass = |text: String| {
+        let catalog = parse_agf(&text, "Maker").unwrap().into_catalog();
+        catalog.get("A").map(|glass| glass.name.clone()).map_err(|unknown| unknown.refused.is_some())
+    };
+    let (a, b) = (good("A"), good("B"));
+    assert_eq!(glass(format!("{b}{a}{bad}")), Err(true));
+    assert_eq!(glass(format!("{b}{bad}{a}")), Ok("A".to_owned()));
+    assert_eq!(glass(format!("{b}{a}{bad}{a}")), Ok("A".to_owned()));
+    let alone = parse_agf(&format!("{a}{bad}"), "Maker").unwrap_err();
+    assert!(alone.message.contains("no coefficients"), "{alone}");
+}

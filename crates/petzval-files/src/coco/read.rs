@@ -14,7 +14,7 @@ use super::ids::Ids;
 use super::loose::{Fields, Loose, Record, Wrong};
 use super::numbers::mark_numbers;
 use super::outline::Outline;
-use super::rotation::{is_other_angle, is_rotation, is_zero, take_rotation_deg};
+use super::rotation::{is_rotation, take_rotation_deg, unread_angles};
 use crate::encoding::decode;
 
 #[derive(Deserialize)]
@@ -252,9 +252,8 @@ fn unread(file: &FileRecord) -> BTreeMap<String, usize> {
         if record.segmentation != Outline::Absent && !record.is_outline_alone() {
             count("annotations", &["segmentation".to_owned()]);
         }
-        let is_unread = |(name, value): &&(String, Loose)| is_other_angle(name) && !is_zero(value);
-        let angles = record.attributes.0.iter().filter(is_unread);
-        let angles: Vec<String> = angles.map(|(name, _)| format!("attributes.{name}")).collect();
+        let angles = unread_angles(record.attributes.0.iter().map(|(name, value)| (name, value)));
+        let angles: Vec<String> = angles.map(|name| format!("attributes.{name}")).collect();
         count("annotations", &angles);
     }
     fields

@@ -92,6 +92,10 @@ fn glass(
         return Ok(glass.clone());
     }
     let (line, text) = (material.line("name"), format!("{name} in {}", record.text));
+    let is_named = |refused: &str| maker.is_some_and(|maker| refused.eq_ignore_ascii_case(maker));
+    if let Some((_, refused)) = catalog.refusals(name).find(|(maker, _)| is_named(maker)) {
+        return Err(unknown_glass(&Record::new(line, &text), &refused));
+    }
     let glass = match catalog.get(name) {
         Ok(glass) => glass,
         Err(unknown) => {

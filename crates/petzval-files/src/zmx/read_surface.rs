@@ -375,9 +375,15 @@ impl<'a> RawSurface<'a> {
                 return Err(line.error(message).hint("0 is a fixed glass, 1 a model glass"));
             }
         }
-        // If several makers share the name, take the one of the file's catalogues.
-        let of_file = |glass: &&Arc<Glass>| shapes.catalogs.iter().any(|c| is_of(c, &glass.maker));
-        if let Some(glass) = shapes.catalog.all(name).iter().rfind(of_file) {
+        // If several makers share the name, take the one of the file's catalogues; none stands in for one that they name first and that was left out.
+        let place = |maker: &str| shapes.catalogs.iter().position(|c| is_of(c, maker));
+        let of_file = shapes.catalog.all(name).iter().rfind(|glass| place(&glass.maker).is_some());
+        let found = of_file.and_then(|glass| place(&glass.maker));
+        let is_first = |maker: &str| place(maker).is_some_and(|own| found.is_none_or(|found| own <= found));
+        if let Some((_, refused)) = shapes.catalog.refusals(name).find(|(maker, _)| is_first(maker)) {
+            return Err(unknown_glass(&line.record(), &refused));
+        }
+        if let Some(glass) = of_file {
             return Ok(glass.clone());
         }
         let glass = match shapes.catalog.get(name) {

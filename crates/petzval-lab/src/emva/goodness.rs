@@ -235,9 +235,8 @@ fn fit(points: &Points, powers: &[i32]) -> Option<Fitted> {
 pub struct Bend {
     /// Coefficients of `y = a + b x + c x^2`; `a` is zero for a model through the origin.
     pub coefficients: [f64; 3],
-    /// Whether the quadratic term is significant at [`ALPHA`]. Otherwise the points depart from the model, and a bend may be why.
-    pub is_significant: bool,
-    /// Whether further points show that it is a bend: without them, two or three points that scatter look the same.
+    /// Whether the quadratic term is significant at [`ALPHA`], and further points show that it is a bend: without them, two or three points that
+    /// scatter look the same.
     pub is_certain: bool,
 }
 
@@ -262,7 +261,7 @@ pub fn bend(points: &Points, model: Model) -> Option<Bend> {
     (is_significant || is_possible).then(|| {
         let mut coefficients = [0.0; 3];
         coefficients[3 - powers.len()..].copy_from_slice(bent.coefficients.as_slice());
-        Bend { coefficients, is_significant, is_certain: is_significant && degrees > 0 }
+        Bend { coefficients, is_certain: is_significant && degrees > 0 }
     })
 }
 
@@ -457,16 +456,16 @@ mod tests {
         // y = x - 0.004 x^3: a quadratic leaves a scatter of 0.0054 and one degree of freedom, at first within the errors.
         let cubic = [0.996, 1.968, 2.892, 3.744];
         let found = bend(&of(&cubic, 0.01), Model::Line).unwrap();
-        assert!(found.is_significant && found.is_certain, "{found:?}");
+        assert!(found.is_certain, "{found:?}");
         // Beyond the errors it is the scatter of the points, and Student's distribution excludes nothing.
         let far = of(&cubic, 0.001);
         let found = bend(&far, Model::Line).unwrap();
-        assert!(!found.is_significant && !found.is_certain, "{found:?}");
+        assert!(!found.is_certain, "{found:?}");
         assert_eq!(test(&far, Model::Line, &[0.0, 1.0]).1.bend, [0.0; 2]);
         // Two points determine a bend through the origin, which nothing confirms.
         let two = of(&[0.98, 1.92], 0.001);
         let found = bend(&two, Model::ThroughOrigin).unwrap();
-        assert!(found.is_significant && !found.is_certain, "{found:?}");
+        assert!(!found.is_certain, "{found:?}");
         assert!((found.coefficients[1] - 1.0).abs() < 1e-9 && found.coefficients[0] == 0.0, "{found:?}");
         assert_eq!(bend(&two, Model::Line), None);
         assert_eq!(bend(&of(&[1.0, 2.0], 0.001), Model::ThroughOrigin), None);

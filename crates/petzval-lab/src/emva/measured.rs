@@ -110,6 +110,16 @@ pub enum Unresolved {
         /// Its standard error.
         standard_error: f64,
     },
+    /// The number is above its noise, but not above what the departure of its points from a line may do to it.
+    #[error(
+        "{value:.4e} +- {standard_error:.2e}: its points are not on a line, or too few to show that they are"
+    )]
+    WithinModelError {
+        /// The measured value.
+        value: f64,
+        /// Its standard error, with that of the model.
+        standard_error: f64,
+    },
     /// No point says how many photons fell on a pixel.
     #[error("no point states its photons per pixel")]
     NoPhotons,

@@ -68,7 +68,8 @@ pub struct PhotonTransfer {
     pub gain_dn_per_e: Measured,
     /// Whether the variance lies on the line of the gain.
     pub gain_test: FitTest,
-    /// System gain without the bend of the response over the light, if it bends: its error is that of noise, DN/e-.
+    /// System gain without the bend of the response over the light, DN/e-, if three lights or more show that it bends. The error is that of noise,
+    /// and holds for a response that is quadratic.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub straightened_gain_dn_per_e: Option<Measured>,
     /// Noise that pixels or frames share, if they do: K is withdrawn, or its error contains the variance that is missing.
@@ -148,7 +149,7 @@ pub fn photon_transfer(points: &[TransferPoint], rules: Rules) -> Option<PhotonT
     let used = &points[..range_end.map_or(0, |i| i + 1)];
     let response = points_of_response(points, used.len(), &found, end_dn);
     let gain = tested_gain(used, response);
-    let gain_dn_per_e = if rules == Rules::Ours { gain.measured.if_above_noise() } else { gain.measured };
+    let gain_dn_per_e = if rules == Rules::Ours { gain.resolved() } else { gain.measured() };
     let responsivity = tested_responsivity(used, response);
     let linearity = linearity(points, &signal, end_dn);
     Some(PhotonTransfer {
@@ -162,7 +163,7 @@ pub fn photon_transfer(points: &[TransferPoint], rules: Rules) -> Option<PhotonT
         straightened_gain_dn_per_e: gain.straightened,
         shared_noise: None,
         compression: None,
-        responsivity_dn: responsivity.as_ref().map_or_else(|why| Measured::none(*why), |r| r.measured),
+        responsivity_dn: responsivity.as_ref().map_or_else(|why| Measured::none(*why), Tested::resolved),
         responsivity_test: responsivity.ok().map(|r| r.test),
         no_linearity: linearity.as_ref().err().copied(),
         linearity: linearity.ok(),
@@ -297,9 +298,29 @@ fn shared(
 
 /// A slope with the test of its fit.
 struct Tested {
-    measured: Measured,
+    /// With the error of noise alone.
+    by_noise: Measured,
     test: FitTest,
     straightened: Option<Measured>,
+}
+
+impl Tested {
+    /// With the error of the model.
+    fn measured(&self) -> Measured {
+        self.by_noise.with_error(self.test.model_error)
+    }
+
+    /// The slope, if it is above zero by more than its errors. The reason says which of them is too large.
+    fn resolved(&self) -> Measured {
+        let (above_noise, measured) = (self.by_noise.if_above_noise(), self.measured());
+        let is_lost = above_noise.value().is_some() && measured.if_above_noise().value().is_none();
+        match (measured.value(), measured.standard_error()) {
+            (Some(value), Some(standard_error)) if is_lost => {
+                Measured::none(Unresolved::WithinModelError { value, standard_error })
+            }
+            _ => above_noise.with_error(self.test.model_error),
+        }
+    }
 }
 
 /// K with the errors of noise, of the departure of the variance from the line, and of the bend of the response.
@@ -318,13 +339,22 @@ fn tested_gain(used: &[TransferPoint], response: &[TransferPoint]) -> Tested {
         Some(of_bend) => of_bend.min(open()),
         None => open(),
     });
-    test.model_error = departure.error(0, of_noise).hypot(of_bend);
+    test.model_error = departure.error(0, of_noise).hypot(of_bend).hypot(of_points_above(used, response, k));
     if test.model_error > 0.0 {
         test.verdict = Verdict::Widened;
     }
-    let significant = bend.filter(|bend| bend.is_significant).and(share);
-    let straightened = significant.map(|share| by_noise.scale(1.0 / share));
-    Tested { measured: by_noise.with_error(test.model_error), test, straightened }
+    let certain = bend.filter(|bend| bend.is_certain).and(share);
+    let straightened = certain.map(|share| by_noise.scale(1.0 / share));
+    Tested { by_noise, test, straightened }
+}
+
+/// What the variance of the points above says of a gain `k` that one point determines, DN/e-. A light that drifts may hide how the response bends,
+/// and a knee may have begun in that point.
+fn of_points_above(used: &[TransferPoint], response: &[TransferPoint], k: f64) -> f64 {
+    if used.len() != 1 || response.len() == 1 {
+        return 0.0;
+    }
+    slope_at_zero(&transfer_points(response, k)).map_or(k, |[slope, _]| slope - k).abs().min(k.abs())
 }
 
 /// The bend of the response over the light; through the origin, if there are two lights.
@@ -378,8 +408,7 @@ fn tested_responsivity(used: &[TransferPoint], response: &[TransferPoint]) -> Re
         test.model_error = test.model_error.hypot(bend.coefficients[1] - r);
         test.verdict = Verdict::Widened;
     }
-    let measured = Measured::new(r, of_noise).with_error(test.model_error).if_above_noise();
-    Ok(Tested { measured, test, straightened: None })
+    Ok(Tested { by_noise: Measured::new(r, of_noise), test, straightened: None })
 }
 
 /// Photons of each point, if all are known.
@@ -556,6 +585,38 @@ mod tests {
         assert!(found.saturated && found.used == 1, "{found:?}");
         assert_eq!(found.gain_test.verdict, Verdict::Widened, "{found:?}");
         assert_eq!(found.responsivity_test.unwrap().verdict, Verdict::Widened, "{found:?}");
+    }
+
+    #[test]
+    fn a_knee_that_leaves_one_of_two_points_is_in_the_error_of_k() {
+        // A light that drifts hides the bend of the response; the gain is 0.1 DN/e-.
+        let found = photon_transfer(&points(&[1000.0, 2000.0], &[95.0, 165.0], 0.5), Rules::Ours).unwrap();
+        assert_eq!((found.used, found.gain_test.verdict), (1, Verdict::Widened), "{found:?}");
+        let (k, se) = (found.gain_dn_per_e.value().unwrap(), found.gain_dn_per_e.standard_error().unwrap());
+        assert!(((k - 0.1) / se).abs() < 1.0 && se < 0.02, "{k} +- {se}");
+        assert_eq!(found.straightened_gain_dn_per_e, None);
+    }
+
+    #[test]
+    fn a_gain_that_is_lost_in_the_error_of_its_model_says_so() {
+        let cubic = photon_transfer(&bent_points(4, 4.0, 3), Rules::Ours).unwrap();
+        let why = cubic.gain_dn_per_e.reason();
+        assert!(matches!(why, Some(Unresolved::WithinModelError { .. })), "{why:?}");
+        let noise = photon_transfer(&points(&[1000.0, 2000.0], &[1.0, 2.0], 5.0), Rules::Ours).unwrap();
+        let why = noise.gain_dn_per_e.reason();
+        assert!(matches!(why, Some(Unresolved::WithinNoise { .. })), "{why:?}");
+    }
+
+    #[test]
+    fn a_bend_of_few_lights_straightens_no_gain() {
+        // Three lights of a straight response, of which one drifts by 0.3 %.
+        let mut series = points(&[1000.0, 2006.0, 3000.0], &[100.0, 200.6, 300.0], 0.5);
+        series.iter_mut().for_each(|p| p.mean_se_dn = 0.01);
+        let found = photon_transfer(&series, Rules::Ours).unwrap();
+        assert_eq!((found.used, found.straightened_gain_dn_per_e), (3, None), "{found:?}");
+        // Six show the bend.
+        let found = photon_transfer(&bent_points(6, 20.0, 2), Rules::Ours).unwrap();
+        assert!(found.straightened_gain_dn_per_e.is_some(), "{found:?}");
     }
 
     #[test]

@@ -20,6 +20,9 @@ const NEAR_AXIS: f64 = 1e-3;
 /// Paraxial f-number beyond which light counts as parallel: no plane within reach shows its image.
 const PARALLEL_F_NUMBER: f64 = 1e5;
 
+/// Multiple of the size of a lens beyond which its image is at infinity. A nearer one is an image, however narrow the cone to it.
+const FAR_IN_SIZES: f64 = 1e3;
+
 /// Angle between two such rays that leave parallel, rad.
 const PARALLEL_RAD: f64 = 1e-7;
 
@@ -64,18 +67,30 @@ impl Cone {
 }
 
 /// Distance from the last vertex to the paraxial image of the y-z section at the reference wavelength, mm. `None` if light leaves that section
-/// parallel: the image is at infinity, or the cone to it is slower than f/100000, as with an object 1 um from the front focus.
+/// parallel: the image is at infinity, or far behind the lens with a cone slower than f/100000, as with an object 1 um from the front focus.
 pub fn paraxial_image_mm(lens: &Lens) -> Option<f64> {
     let sequence = lens.at_wavelength(lens.reference_um);
-    image_within_reach_mm(&sequence, &first_order(&sequence))
+    image_within_reach_mm(lens, &sequence, &first_order(&sequence))
 }
 
 /// [`paraxial_image_mm`] of a lens at one wavelength.
-fn image_within_reach_mm(sequence: &Sequence, order: &FirstOrder) -> Option<f64> {
+fn image_within_reach_mm(lens: &Lens, sequence: &Sequence, order: &FirstOrder) -> Option<f64> {
     let na = paraxial_na(sequence);
     // An aperture of exactly 0 comes from a pupil at infinity, and says nothing of the image.
-    let is_parallel = na > 0.0 && na < 0.5 / PARALLEL_F_NUMBER;
-    Some(order.image_distance_mm).filter(|mm| mm.is_finite() && !is_parallel)
+    let is_narrow = na > 0.0 && na < 0.5 / PARALLEL_F_NUMBER;
+    let is_far = |mm: f64| mm.abs() > FAR_IN_SIZES * size_mm(lens);
+    Some(order.image_distance_mm).filter(|mm| mm.is_finite() && !(is_narrow && is_far(*mm)))
+}
+
+/// The size of a lens along or across its axis, whichever is larger, mm.
+fn size_mm(lens: &Lens) -> f64 {
+    let between = &lens.surfaces[..lens.surfaces.len().saturating_sub(1)];
+    let length: f64 = between.iter().map(|surface| surface.thickness_mm.abs()).sum();
+    lens.surfaces
+        .iter()
+        .map(|surface| surface.semi_diameter_mm)
+        .filter(|mm| mm.is_finite())
+        .fold(length, f64::max)
 }
 
 /// Whether light of the axis leaves a lens parallel in the x-z and in the y-z section, at the reference wavelength.
@@ -86,7 +101,7 @@ fn image_within_reach_mm(sequence: &Sequence, order: &FirstOrder) -> Option<f64>
 pub fn leaves_parallel(lens: &Lens) -> [bool; 2] {
     let sequence = lens.at_wavelength(lens.reference_um);
     let order = first_order(&sequence);
-    if image_within_reach_mm(&sequence, &order).is_some() {
+    if image_within_reach_mm(lens, &sequence, &order).is_some() {
         return [false; 2];
     }
     let direction = |p: [f64; 2]| {

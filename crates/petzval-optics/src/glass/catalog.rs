@@ -171,6 +171,13 @@ impl Catalog {
         UnknownGlass { name: name.into(), refused: Some(refusal.reason.clone()), nearest }
     }
 
+    /// Makers whose glass of that name was left out, each with the error for it.
+    pub fn refusals(&self, name: &str) -> impl Iterator<Item = (&str, UnknownGlass)> {
+        let wanted = name.to_uppercase();
+        let refused = self.refused.get(&wanted).map_or(&[][..], Vec::as_slice).iter();
+        refused.map(move |refusal| (refusal.maker.as_str(), self.refused_glass(&wanted, &wanted, refusal)))
+    }
+
     /// Every name that alone means a glass, in upper case.
     fn names(&self) -> Vec<String> {
         self.iter().map(|(name, _)| name.to_owned()).collect()

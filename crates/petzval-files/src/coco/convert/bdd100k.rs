@@ -26,7 +26,7 @@ use crate::coco::folder::LARGEST_ANNOTATIONS;
 use crate::coco::loose::{Fields, Loose, Record, Wrong};
 use crate::coco::read::{json_error, plain_json};
 use crate::coco::rotation::{
-    NO_UNIT, UNIT_HINT, is_angle, is_other_angle, is_rotation, is_zero, take_rotation_deg,
+    NO_UNIT, UNIT_HINT, is_angle, is_rotation, is_zero, take_rotation_deg, unread_angles,
 };
 
 /// A file: a list of pictures, or a table with one (`frames`).
@@ -308,10 +308,10 @@ fn label<'a>(
     let [right, bottom] = [value(&corners.x2, "x2")?, value(&corners.y2, "y2")?];
     // The last pixel belongs to the box. Scalabel adds it to labels of every release, also to fractions of pixels.
     let mut label = Label::new(class, Bounds::between(left, top, right + 1.0, bottom + 1.0));
+    for name in unread_angles(object.attributes.iter().flatten()) {
+        builder.unread(&format!("labels[].attributes.{name}"));
+    }
     for (name, value) in object.attributes.iter().flatten() {
-        if is_other_angle(name) && !is_zero(value) {
-            builder.unread(&format!("labels[].attributes.{name}"));
-        }
         let value = match value {
             Loose::Absent => continue,
             Loose::Text(colour) if name == "trafficLightColor" => {

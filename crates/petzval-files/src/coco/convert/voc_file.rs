@@ -8,7 +8,8 @@ use roxmltree::{Document, Node, ParsingOptions};
 
 use crate::coco::bounds::Bounds;
 use crate::coco::data_set::Attribute;
-use crate::coco::rotation::{NO_UNIT, UNIT_HINT, is_angle, is_other_angle, is_rotation, take_rotation_deg};
+use crate::coco::loose::Loose;
+use crate::coco::rotation::{NO_UNIT, UNIT_HINT, is_angle, is_rotation, take_rotation_deg, unread_angles};
 
 /// Elements and texts of a file that are read.
 const MOST_NODES: u32 = 1_000_000;
@@ -224,7 +225,7 @@ fn check_box(of_box: Node, read: &[&str], unread: &mut Vec<String>) -> Result<()
 
 /// Whether the text for an angle rotates nothing.
 fn is_zero(text: &str) -> bool {
-    text.is_empty() || text.parse().is_ok_and(|angle: f64| angle == 0.0)
+    text.is_empty() || text.eq_ignore_ascii_case("false") || text.parse().is_ok_and(|angle: f64| angle == 0.0)
 }
 
 /// The angle of a rotated box of roLabelImg, rad. Fails beyond a full turn, which is an angle in degrees.
@@ -283,26 +284,29 @@ fn further_attributes(
     unread: &mut Vec<String>,
 ) -> Result<BTreeMap<String, Attribute>, FileError> {
     let mut facts = BTreeMap::new();
+    let mut stated: Vec<(String, Loose)> = Vec::new();
     let Some(list) = child(object, "attributes")? else { return Ok(facts) };
     for fact in list.children().filter(Node::is_element) {
         let (Some(name), Some(text)) = (text_of(fact, "name")?, text_of(fact, "value")?) else {
             unread.push(format!("object/attributes/{}", fact.tag_name().name()));
             continue;
         };
-        if is_other_angle(&name) && !is_zero(&text) {
-            unread.push(format!("object/attributes/{name}"));
-        }
+        let of_text = |text: String| if is_zero(&text) { Loose::Absent } else { Loose::Text(text) };
+        stated.push((name.clone(), text.parse().map_or_else(|_| of_text(text.clone()), Loose::Number)));
         let value = match text.parse() {
             Ok(number) if f64::is_finite(number) => Attribute::Number(number),
-            _ if is_rotation(&name) => {
+            _ if is_rotation(&name) && !is_zero(&text) => {
                 return Err(error(fact, "the rotation is no number", "write an angle in degrees"));
             }
             _ if text.eq_ignore_ascii_case("true") => Attribute::Flag(true),
             _ if text.eq_ignore_ascii_case("false") => Attribute::Flag(false),
+            _ if is_rotation(&name) => continue,
             _ => Attribute::Text(text),
         };
         facts.insert(name, value);
     }
+    let angles = unread_angles(stated.iter().map(|(name, value)| (name, value)));
+    unread.extend(angles.map(|name| format!("object/attributes/{name}")));
     Ok(facts)
 }
 
@@ -436,8 +440,15 @@ mod tests {
         };
         assert_eq!(unread(&format!("{BOX}{}", attribute("angle", "30"))), ["object/attributes/angle"]);
         assert!(unread(&format!("{BOX}{}", attribute("angle", "0"))).is_empty());
-        let text = wrong(&format!("{BOX}{}", attribute("Rotation", "30,5")));
+        let text = wrong(&format!("{BOX}{}", attribute("rotation", "30,5")));
         assert!(text.contains("the rotation is no number"), "{text}");
+        // In other letters it may be another fact.
+        assert_eq!(
+            unread(&format!("{BOX}{}", attribute("Rotation", "left"))),
+            ["object/attributes/Rotation"]
+        );
+        assert!(unread(&format!("{BOX}{}", attribute("rotation", "false"))).is_empty());
+        assert_eq!(unread(&within("<rotated>false</rotated>")), ["object/bndbox/rotated"]);
 
         let rotated = |angle: &str| {
             format!("<robndbox><cx>20</cx><cy>25</cy><w>20</w><h>10</h><angle>{angle}</angle></robndbox>")

@@ -105,6 +105,8 @@ pub(super) fn convert(root: &Path, turned: Option<bool>, cancel: &Cancel) -> Res
                 Shape::Box([x, y, width, height], keypoints) => {
                     if keypoints {
                         builder.unread("keypoints");
+                    } else {
+                        long_lines.add_box();
                     }
                     Some(Bounds::from([x * size[0], y * size[1], width * size[0], height * size[1]]))
                 }

@@ -4,7 +4,8 @@
 //! upper left of its picture that is frequent. The lines of a data set together show which they are. All poses have the same number of
 //! keypoints; outlines have different numbers of points, reach out of such a box, or are all rectangles. Single wrong lines of poses do not make them outlines:
 //! where nine lines of ten may be poses of one shape, nothing is guessed. Nor is it where nine of ten begin with the box around their other points, which some
-//! programs write before an outline.
+//! programs write before an outline. Among nine times as many plain boxes, longer lines are outlines: a data set of
+//! poses has keypoints in most of its lines.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -18,6 +19,12 @@ pub(super) const ROUNDING: f64 = 0.01;
 
 /// With so many lines of ten of another form, no line is taken for an outline.
 const DOUBTFUL_OF_TEN: usize = 9;
+
+/// With so many lines of ten that are plain boxes, the longer ones are outlines.
+const BOXES_OF_TEN: usize = 9;
+
+/// Share of the box that three keypoints or more span at least, in one direction.
+const LEAST_SPAN: f64 = 0.25;
 
 /// A line that is read as an outline.
 pub(super) struct LongLine<'a> {
@@ -52,10 +59,16 @@ struct Lines {
 #[derive(Default)]
 pub(super) struct LongLines {
     lines: usize,
+    boxes: usize,
     others: BTreeMap<Form, Lines>,
 }
 
 impl LongLines {
+    /// Counts a line that is a plain box.
+    pub fn add_box(&mut self) {
+        self.boxes += 1;
+    }
+
     /// Counts a line.
     pub fn add(&mut self, line: &LongLine) {
         self.lines += 1;
@@ -78,6 +91,9 @@ impl LongLines {
 
     /// The first line that may be no outline, and its file, if nearly all lines may be of its form.
     pub fn doubt(self) -> Option<(PathBuf, FileError)> {
+        if 10 * self.boxes >= BOXES_OF_TEN * (self.lines + self.boxes) {
+            return None;
+        }
         let is_doubtful = |lines: &Lines| 10 * lines.count >= DOUBTFUL_OF_TEN * self.lines;
         let (form, Lines { count, first }) = self.others.into_iter().find(|(_, lines)| is_doubtful(lines))?;
         let (path, number, text) = first;
@@ -103,7 +119,8 @@ impl LongLines {
 }
 
 /// Whether shares of the picture may be a pose: middle and size of a box in the picture, then keypoints of 2 or 3 `values`, of which the box holds more
-/// than half. The third value says how well a keypoint is seen. Those at 0, 0 are not labelled.
+/// than half. Three or more of them do not lie in a corner of the box. The third value says how well a keypoint is seen. Those at 0, 0 are not
+/// labelled.
 fn may_be_pose(shares: &[f64], values: usize) -> bool {
     let [x, y, width, height, keypoints @ ..] = shares else { return false };
     if keypoints.is_empty() || !keypoints.len().is_multiple_of(values) {
@@ -124,6 +141,13 @@ fn may_be_pose(shares: &[f64], values: usize) -> bool {
     let are_seen =
         keypoints.clone().all(|point| point.get(2).is_none_or(|seen| *seen == 0.0 || *seen == 1.0));
     let labelled: Vec<&[f64]> = keypoints.filter(|point| point[0] > 0.0 || point[1] > 0.0).collect();
+    let span = |axis: usize| {
+        let all = labelled.iter().map(|point| point[axis]);
+        all.clone().fold(f64::NEG_INFINITY, f64::max) - all.fold(f64::INFINITY, f64::min)
+    };
+    if labelled.len() > 2 && span(0) < LEAST_SPAN * width && span(1) < LEAST_SPAN * height {
+        return false;
+    }
     let inside =
         labelled.iter().filter(|point| across.contains(&point[0]) && down.contains(&point[1])).count();
     are_seen && (labelled.is_empty() || 2 * inside > labelled.len())
@@ -171,6 +195,9 @@ mod tests {
             // Three values, of which the third is 0 or 1.
             (&[0.5, 0.5, 0.2, 0.4, 0.45, 0.35, 1.0, 0.55, 0.35, 0.0], 3, true),
             (&[0.5, 0.5, 0.2, 0.4, 0.45, 0.35, 0.9, 0.55, 0.35, 0.0], 3, false),
+            // Three keypoints in a corner of the box, and on a line across it.
+            (&[0.5, 0.5, 0.4, 0.4, 0.35, 0.35, 0.4, 0.35, 0.4, 0.4], 2, false),
+            (&[0.5, 0.5, 0.4, 0.4, 0.35, 0.35, 0.4, 0.35, 0.6, 0.35], 2, true),
             // A box that reaches out of the picture, and one without height.
             (&[0.8, 0.5, 0.6, 0.4, 0.7, 0.5], 2, false),
             (&[0.5, 0.5, 0.2, 0.0, 0.5, 0.5], 2, false),
@@ -182,14 +209,20 @@ mod tests {
     #[test]
     fn lines_together_show_what_they_are() {
         let is_doubtful = |all: &[(usize, &[f64])]| lines(all).doubt().is_some();
-        // Small outlines in the upper left may be poses each, but with different numbers of points.
-        let small = [0.3, 0.3, 0.32, 0.3, 0.33, 0.32, 0.31, 0.34, 0.29, 0.33];
+        // Outlines in the upper left may be poses each, but with different numbers of points.
+        let small = [0.3, 0.3, 0.32, 0.3, 0.4, 0.32, 0.31, 0.4, 0.2, 0.33];
         assert!(is_doubtful(&[(1, &small)]));
         assert!(!is_doubtful(&[(5, &small), (5, &small[..8]), (5, &small[..6])]));
         // One wrong line of ten does not make poses outlines.
         let outside = &[0.8, 0.5, 0.6, 0.4, 0.7, 0.5];
         assert!(is_doubtful(&[(9, POSE), (1, outside)]));
         assert!(!is_doubtful(&[(8, POSE), (1, outside)]));
+        // A stray outline in a set of boxes.
+        for (boxes, wanted) in [(8, true), (9, false)] {
+            let mut long = lines(&[(1, POSE)]);
+            (0..boxes).for_each(|_| long.add_box());
+            assert_eq!(long.doubt().is_some(), wanted, "{boxes}");
+        }
         assert!(lines(&[]).doubt().is_none());
         let (path, error) = lines(&[(10, POSE)]).doubt().unwrap();
         let text = error.to_string();
