@@ -12,7 +12,7 @@ use petzval_optics::pupil::Quadrature;
 
 use crate::design_report::{
     CameraPicture, CameraView, Change, FieldPoint, FrameView, HeldOutScores, LossCurve, PictureView, PsfView,
-    Report, Role, Score, TableRow,
+    Report, Role, Score, TableRow, TaskPart,
 };
 use crate::prescription::SurfaceView;
 
@@ -250,8 +250,7 @@ pub(crate) fn report() -> Report {
         one_seed: None,
         short: None,
         warnings: Vec::new(),
-        sections: Vec::new(),
-        detection: None,
+        task: TaskPart::default(),
         progress: None,
         made: None,
         losses: vec![curve(0), curve(2)],

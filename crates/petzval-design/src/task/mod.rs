@@ -25,7 +25,7 @@ mod windows;
 use burn::prelude::Device;
 use petzval_base::FileError;
 use petzval_camera::image::LinearImage;
-use petzval_report::design_report::{DetectionView, TaskSection};
+use petzval_report::design_report::TaskPart;
 
 use crate::assets::Assets;
 use crate::block::NetworkBlock;
@@ -130,11 +130,9 @@ impl Drawn {
 /// What the report of a run shows of a task.
 #[derive(Default)]
 pub struct TaskReport {
-    /// How objects are found.
-    pub detection: Option<DetectionView>,
-    /// Sections of its own.
-    pub sections: Vec<TaskSection>,
-    /// Objects found in each held-out window, by camera.
+    /// What stands on its page.
+    pub part: TaskPart,
+    /// What is found in each held-out window, as [`TaskPart::counted`] says, by camera.
     pub found: Vec<Vec<usize>>,
     /// The place of each held-out window that a reader should see, x and y as shares of its side.
     pub focus: Vec<Option<[f64; 2]>>,

@@ -31,7 +31,7 @@ use petzval_design::task::{
 };
 use petzval_learn::loss::NamedLoss;
 use petzval_learn::score::ScoreDescription;
-use petzval_report::design_report::TaskSection;
+use petzval_report::design_report::{TaskPart, TaskSection};
 
 use crate::common::{Silent, library};
 
@@ -188,7 +188,8 @@ impl PreparedTask for Prepared {
     fn report(&self, _: &Cameras, _: &RunFolder, metrics: &Metrics) -> Result<TaskReport, DesignError> {
         let html = format!("<p>{} cameras read brightness.</p>", metrics.rows.len());
         let section = TaskSection { title: "Brightness".to_owned(), html };
-        Ok(TaskReport { sections: vec![section], ..TaskReport::default() })
+        let part = TaskPart { sections: vec![section], ..TaskPart::default() };
+        Ok(TaskReport { part, ..TaskReport::default() })
     }
 }
 
@@ -291,7 +292,7 @@ fn a_task_from_outside_is_designed_for_scored_reported_and_read_again() {
     // The facts of the machine, which a program writes that begins runs.
     std::fs::write(run.environment(), "{}").unwrap();
     let report = report_of_run(&setup, &run, "").unwrap();
-    assert_eq!(report.sections[0].title, "Brightness");
+    assert_eq!(report.task.sections[0].title, "Brightness");
     assert!(petzval_report::design_report::html(&report).contains("1 cameras read brightness."));
     // The run names its task, and is read again where that is known.
     let again = library.experiment_of_run(&run).unwrap();

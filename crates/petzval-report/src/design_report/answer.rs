@@ -2,13 +2,13 @@
 
 use super::answer_view::Answer;
 use super::view::Report;
-use super::{found_answer, scored_answer};
+use super::{ranked_answer, scored_answer};
 
 /// The answer; none for a run at work, or where there is nothing to compare.
 pub(super) fn answer(report: &Report) -> Option<Answer> {
-    match &report.detection {
+    match &report.task.ranking {
         _ if report.progress.is_some() => None,
-        Some(view) => found_answer::answer(report, view),
+        Some(ranking) => ranked_answer::answer(report, ranking),
         None => scored_answer::answer(report),
     }
 }

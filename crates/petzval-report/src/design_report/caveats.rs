@@ -17,9 +17,10 @@ pub(super) fn caveats(report: &Report) -> Vec<String> {
 }
 
 /// In how many of the pictures of the page each network makes its picture worse than its input, by PSNR. None where a hardware ISP finishes
-/// pictures, which gives them another tone, and where objects are looked for or classes are named.
+/// pictures, which gives them another tone, and where a score of all windows ranks cameras.
 fn worse_than_developed(report: &Report) -> Option<String> {
-    let is_of_pictures = report.scores.iter().any(|score| score.title == PSNR) && report.detection.is_none();
+    let is_of_pictures =
+        report.scores.iter().any(|score| score.title == PSNR) && report.task.ranking.is_none();
     if !is_of_pictures || report.has_isp {
         return None;
     }

@@ -6,8 +6,11 @@ use std::io::Cursor;
 use image::{ImageFormat, Rgba};
 use maud::{Markup, html};
 
-use super::found_answer::{Found, ap50};
-use super::view::{CameraDetection, DetectionView, GroupFigure, Mistake, Range, Report, camera_colour};
+use super::ranked_answer::RangedFigure;
+use super::view::{
+    CameraDetection, DetectionView, GroupFigure, Mistake, Range, RankedCamera, Ranking, RankingWords,
+    TaskPart, TaskSection,
+};
 use crate::number;
 use crate::page::{caption, figure};
 use crate::plot::{Axes, Chart, Series, chart_svg};
@@ -17,11 +20,53 @@ use crate::{palette, png};
 /// Decimals of average precisions.
 const DECIMALS: usize = 3;
 
-/// The section; nothing where no objects are looked for. AP50 with its range is in front, the rest is folded.
-pub(super) fn detection(report: &Report) -> Markup {
-    let Some(view) = &report.detection else { return html! {} };
+/// The score of objects by which cameras are ranked, and the one that is read beside it.
+const SCORES: [&str; 2] = ["AP50", "AP"];
+
+/// What the boxes over the pictures are.
+const BOXES: &str = "Boxes in the scene: blue are objects that count, gray those that are ignored. Boxes in the pictures of cameras are detections with a score \
+                     of 0.5 or more: green where an object of the class is, yellow where one of another class is, gray on objects that are ignored, red \
+                     where nothing is.";
+
+/// What a report shows where objects are looked for.
+pub fn detection_part(view: &DetectionView) -> TaskPart {
+    let [score, further] = SCORES.map(str::to_owned);
+    let camera = |camera: &CameraDetection| {
+        let (value, range) = ap50(camera).unzip();
+        RankedCamera {
+            camera: camera.camera.clone(),
+            value,
+            range: range.flatten(),
+            against_baseline: camera.against_baseline,
+            design_against: camera.design_against,
+        }
+    };
+    let ranking = Ranking {
+        score,
+        further: vec![further],
+        words: RankingWords { most: "finds most", nothing: "finds no object", anything: "finds an object" },
+        baseline: view.baseline.clone(),
+        design: view.design.clone(),
+        cameras: view.cameras.iter().map(camera).collect(),
+    };
+    TaskPart {
+        sections: vec![TaskSection { title: "Detection".to_owned(), html: section(view).into_string() }],
+        ranking: Some(ranking),
+        legend: Some(BOXES.to_owned()),
+        counted: "objects found".to_owned(),
+    }
+}
+
+/// The average precision of all objects, with its range.
+fn ap50(camera: &CameraDetection) -> Option<(f64, Option<[f64; 2]>)> {
+    let all = camera.groups.first().filter(|group| group.value.is_finite())?;
+    Some((all.value, all.range))
+}
+
+/// The section. AP50 with its range is in front, the rest is folded.
+fn section(view: &DetectionView) -> Markup {
     html! {
-        (front(report, view))
+        (front(view))
         (caption(format!(
             "Average precision of all objects at an overlap of 0.5, with the range that it has in 95 % of draws of the {} windows with repetition, those of one film \
              or of one picture together; a single film has no range. The ranges of cameras overlap more than their differences are uncertain, because all see the same windows: the \
@@ -30,16 +75,16 @@ pub(super) fn detection(report: &Report) -> Markup {
         )))
         details {
             summary { "AP50 by class, size and place" }
-            (by_group(report, view))
+            (by_group(view))
             (caption("Small: the range in 95 % of draws."))
         }
         details {
             summary { "Precision over recall" }
-            div.charts { @for class in classes(view) { (figure(&chart_svg(&precision_recall(report, view, class)))) } }
+            div.charts { @for class in classes(view) { (figure(&chart_svg(&precision_recall(view, class)))) } }
         }
         details {
             summary { "Where objects are lost" }
-            (lost(report, view))
+            (lost(view))
             (caption(
                 "Beside the picture are objects on which a window lies and which the lens of the experiment would show, but this one does not. The detector \
                  of each camera looks at four pictures of every window: what the camera would make of the scene with perfect optics and \
@@ -47,20 +92,20 @@ pub(super) fn detection(report: &Report) -> Markup {
                  last (score 0.5, overlap 0.5) is counted at the first in which it is not found. A detector was trained on finished pictures, unless the list of cameras says that it sees the scenes: the \
                  tones of the second and third are not those that it knows, so that losses there are upper bounds.",
             ))
-            (at_stages(report, view))
+            (at_stages(view))
             (caption(
                 "AP50 of the detector of each camera in the same four pictures. The first is what it finds behind perfect optics and without noise. It need \
                  not be the best: a detector that was trained on finished pictures knows their noise and tones.",
             ))
         }
-        @for (i, camera) in view.cameras.iter().enumerate() { (mistakes(report, camera, i)) }
+        @for camera in &view.cameras { (mistakes(camera)) }
         (caption("Misses: the largest objects that are not found (blue). False alarms: the surest detections where no object of their class is (red). At \
              most one of a window; other boxes in the colours of the pictures."))
     }
 }
 
 /// A row a camera: AP50 with its range, and its differences with theirs.
-fn front(report: &Report, view: &DetectionView) -> Markup {
+fn front(view: &DetectionView) -> Markup {
     let columns = [
         "camera".to_owned(),
         "AP50".to_owned(),
@@ -68,24 +113,21 @@ fn front(report: &Report, view: &DetectionView) -> Markup {
         format!("against {}", view.baseline),
         format!("{} against it", view.design),
     ];
-    let row = |(i, camera): (usize, &CameraDetection)| {
-        let found = ap50(camera).map(|(value, range)| Found::figure(value, range));
+    let row = |camera: &CameraDetection| {
+        let found = ap50(camera).map(|(value, range)| RangedFigure::figure(value, range));
         let ends = found.as_ref().and_then(|found| found.ends.as_ref());
         let value = html! { b { (found.as_ref().map_or("–", |found| &*found.value)) } };
         let range = html! { @if let Some([low, high]) = ends { (low) " … " (high) } @else { "–" } };
         let differences = [camera.against_baseline, camera.design_against].map(difference);
         let cells = [value, range].into_iter().chain(differences);
-        Row::new(&camera.camera, cells).of_camera(camera_colour(&report.cameras, &camera.camera, i))
+        Row::new(&camera.camera, cells).of_camera(palette::camera(camera.number))
     };
-    Table::new(columns.iter().map(Column::new))
-        .class("scores")
-        .rows(view.cameras.iter().enumerate().map(row))
-        .html()
+    Table::new(columns.iter().map(Column::new)).class("scores").rows(view.cameras.iter().map(row)).html()
 }
 
 /// A difference with its range below it.
 pub(super) fn difference(range: Option<Range>) -> Markup {
-    range.map_or_else(|| html! { "–" }, |range| Found::difference(range).shown())
+    range.map_or_else(|| html! { "–" }, |range| RangedFigure::difference(range).shown())
 }
 
 fn classes(view: &DetectionView) -> BTreeSet<&str> {
@@ -93,7 +135,7 @@ fn classes(view: &DetectionView) -> BTreeSet<&str> {
 }
 
 /// A row a camera, a column a group of objects.
-fn by_group(report: &Report, view: &DetectionView) -> Markup {
+fn by_group(view: &DetectionView) -> Markup {
     let mut names: Vec<&str> = Vec::new();
     for figure in view.cameras.iter().flat_map(|c| &c.groups) {
         if !names.contains(&figure.name.as_str()) {
@@ -101,23 +143,23 @@ fn by_group(report: &Report, view: &DetectionView) -> Markup {
         }
     }
     let cell = |group: Option<&GroupFigure>| {
-        group.map_or_else(|| html! { "–" }, |group| Found::figure(group.value, group.range).shown())
+        group.map_or_else(|| html! { "–" }, |group| RangedFigure::figure(group.value, group.range).shown())
     };
-    let row = |(i, camera): (usize, &CameraDetection)| {
+    let row = |camera: &CameraDetection| {
         let cells = names.iter().map(|name| cell(camera.groups.iter().find(|g| g.name == **name)));
-        Row::new(&camera.camera, cells).of_camera(camera_colour(&report.cameras, &camera.camera, i))
+        Row::new(&camera.camera, cells).of_camera(palette::camera(camera.number))
     };
     let columns = ["camera"].into_iter().chain(names.iter().copied()).map(Column::new);
-    Table::new(columns).class("scores").rows(view.cameras.iter().enumerate().map(row)).html()
+    Table::new(columns).class("scores").rows(view.cameras.iter().map(row)).html()
 }
 
 /// Precision over recall of a class, one curve a camera.
-fn precision_recall(report: &Report, view: &DetectionView, class: &str) -> Chart {
-    let series = |(i, camera): (usize, &CameraDetection)| {
+fn precision_recall(view: &DetectionView, class: &str) -> Chart {
+    let series = |camera: &CameraDetection| {
         let curve = camera.curves.iter().find(|curve| curve.class == class)?;
         Some(Series {
             name: camera.camera.clone(),
-            colour: camera_colour(&report.cameras, &camera.camera, i).to_owned(),
+            colour: palette::camera(camera.number).to_owned(),
             points: curve.points.clone(),
             ..Series::default()
         })
@@ -126,14 +168,14 @@ fn precision_recall(report: &Report, view: &DetectionView, class: &str) -> Chart
         alt: format!("Precision over recall of the class {class}, one curve per camera"),
         x_axis: format!("recall, {class}"),
         y_axis: "precision".to_owned(),
-        series: view.cameras.iter().enumerate().filter_map(series).collect(),
+        series: view.cameras.iter().filter_map(series).collect(),
         axes: Axes::Shares,
         ..Chart::default()
     }
 }
 
 /// How many objects are found, and where the others are lost.
-fn lost(report: &Report, view: &DetectionView) -> Markup {
+fn lost(view: &DetectionView) -> Markup {
     let columns = [
         Column::new("camera"),
         Column::new("objects"),
@@ -144,33 +186,33 @@ fn lost(report: &Report, view: &DetectionView) -> Markup {
         Column::new("by the sensor"),
         Column::new("by the ISP"),
     ];
-    let row = |(i, camera): (usize, &CameraDetection)| {
+    let row = |camera: &CameraDetection| {
         let l = &camera.lost;
         let counts = [l.objects, l.found, l.beside, l.in_scene, l.by_lens, l.by_sensor, l.by_isp];
         let cells = counts.map(|count| html! { (count) });
-        Row::new(&camera.camera, cells).of_camera(camera_colour(&report.cameras, &camera.camera, i))
+        Row::new(&camera.camera, cells).of_camera(palette::camera(camera.number))
     };
-    Table::new(columns).class("scores").rows(view.cameras.iter().enumerate().map(row)).html()
+    Table::new(columns).class("scores").rows(view.cameras.iter().map(row)).html()
 }
 
 /// How well the detector of each camera does in the picture of each stage.
-fn at_stages(report: &Report, view: &DetectionView) -> Markup {
+fn at_stages(view: &DetectionView) -> Markup {
     let columns =
         ["camera", "AP50 in the scene", "in the light", "in the raw frame", "in the finished picture"];
     let cell = |value: Option<f64>| html! { (value.map_or("–".to_owned(), |v| number::fixed(v, DECIMALS))) };
-    let row = |(i, camera): (usize, &CameraDetection)| {
-        let colour = camera_colour(&report.cameras, &camera.camera, i);
+    let row = |camera: &CameraDetection| {
+        let colour = palette::camera(camera.number);
         Row::new(&camera.camera, camera.ap50_at_stages.map(cell)).of_camera(colour)
     };
-    let rows = view.cameras.iter().enumerate().map(row);
+    let rows = view.cameras.iter().map(row);
     Table::new(columns.map(Column::new)).class("scores").rows(rows).html()
 }
 
 /// Misses and false alarms of a camera.
-fn mistakes(report: &Report, camera: &CameraDetection, i: usize) -> Markup {
+fn mistakes(camera: &CameraDetection) -> Markup {
     const MISSED: [u8; 3] = [26, 230, 255];
     const ALARM: [u8; 3] = [255, 51, 51];
-    let colour = camera_colour(&report.cameras, &camera.camera, i);
+    let colour = palette::camera(camera.number);
     let strip = |name: &str, all: &[Mistake], colour: [u8; 3]| {
         html! {
             @if !all.is_empty() {
@@ -223,13 +265,11 @@ fn crop(mistake: &Mistake, colour: [u8; 3]) -> Option<Vec<u8>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::design_report::{GroupFigure, LostObjects, PrecisionCurve, Range, pictures};
+    use crate::design_report::{GroupFigure, LostObjects, PrecisionCurve, Range, Report, pictures};
     use crate::sample;
 
     #[test]
     fn the_section_shows_figures_losses_and_mistakes() {
-        let mut report = sample::report();
-        assert!(detection(&report).into_string().is_empty());
         let mistake = Mistake {
             picture_png: sample::picture_png(64, 32, 0),
             bbox: [40.0, 10.0, 70.0, 30.0],
@@ -237,6 +277,7 @@ mod tests {
         };
         let camera = |name: &str, against| CameraDetection {
             camera: name.to_owned(),
+            number: 0,
             curves: vec![PrecisionCurve { class: "person".into(), points: vec![(0.1, 1.0), (0.8, 0.5)] }],
             groups: vec![
                 GroupFigure { name: "AP50".into(), value: 0.7126, range: Some([0.651, 0.774]) },
@@ -258,7 +299,7 @@ mod tests {
             false_alarms: Vec::new(),
         };
         let better = Range { value: 0.0214, low: -0.003, high: 0.041 };
-        report.detection = Some(DetectionView {
+        let part = detection_part(&DetectionView {
             baseline: "nominal".into(),
             design: "end-to-end".into(),
             windows: 192,
@@ -270,8 +311,12 @@ mod tests {
                 camera("end-to-end", Some(better)),
             ],
         });
+        let page = part.sections[0].html.clone();
+        let ranked: Vec<Option<f64>> =
+            part.ranking.iter().flat_map(|r| &r.cameras).map(|camera| camera.value).collect();
+        assert_eq!(ranked, [Some(0.7126); 2]);
+        let report = Report { task: part, ..sample::report() };
         assert!(pictures(&report).into_string().contains("Boxes in the scene"));
-        let page = detection(&report).into_string();
         for text in [
             "0.71",
             "0.65 … 0.77",

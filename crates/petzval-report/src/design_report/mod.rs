@@ -11,7 +11,6 @@ mod change;
 mod choice;
 mod detail;
 mod detection;
-mod found_answer;
 mod frames;
 mod made;
 mod mtf;
@@ -20,6 +19,7 @@ mod picture;
 mod place_chart;
 mod progress;
 mod psf_table;
+mod ranked_answer;
 mod reading;
 mod score_table;
 mod scored_answer;
@@ -29,6 +29,7 @@ mod view;
 
 pub use choice::choice;
 pub use detail::detail;
+pub use detection::detection_part;
 pub(crate) use page::{lenses, over_the_field, over_the_run};
 pub(crate) use picture::pictures;
 pub use segmentation::{
@@ -37,8 +38,9 @@ pub use segmentation::{
 pub use view::{
     Attribution, CameraDetection, CameraPicture, CameraProgress, CameraState, CameraView, Change,
     DetectionView, FieldPoint, FrameView, GroupFigure, HeldOutScores, LossCurve, LostObjects, MadeCamera,
-    MadeCameras, MadeScore, Mistake, OneSeed, PictureView, PrecisionCurve, Progress, PsfView, Range, Report,
-    Role, Score, SeedDifference, SeedStudy, ShortRun, Spread, TableRow, TaskSection,
+    MadeCameras, MadeScore, Mistake, OneSeed, PictureView, PrecisionCurve, Progress, PsfView, Range,
+    RankedCamera, Ranking, RankingWords, Report, Role, Score, SeedDifference, SeedStudy, ShortRun, Spread,
+    TableRow, TaskPart, TaskSection,
 };
 
 /// The result in sentences, as the page has it: the answer first. Empty if there are no cameras to compare.

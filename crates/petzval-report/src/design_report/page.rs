@@ -6,7 +6,6 @@ use super::answer::answer;
 use super::attribution::{attribution, has_attribution};
 use super::caveats::caveats;
 use super::change::change_table;
-use super::detection::detection;
 use super::frames::frames;
 use super::made::made_table;
 use super::mtf::{has_mtf, mtf};
@@ -35,7 +34,6 @@ pub(super) fn page(report: &Report) -> String {
     let has_answer = answer.is_some();
     let sections = [
         section_of("At work", report.progress.is_some(), || progress(report)),
-        section_of("Detection", report.detection.is_some(), || detection(report)),
         section_of("Axis and corner", has_answer && has_ends(report), || ends(report)),
         section_of("Score over the field", has_places(report), || place_chart(report)),
         result(report, has_answer),
@@ -53,9 +51,9 @@ pub(super) fn page(report: &Report) -> String {
         section_of("What lowered the loss", has_attribution(report), || attribution(report)),
         how_it_was_made(report),
     ];
-    let of_task = report.sections.iter().map(|own| section(&own.title, PreEscaped(own.html.clone())));
-    // Behind the progress and what is detected: the task is what a reader came for.
-    let (first, rest) = sections.split_at(2);
+    let of_task = report.task.sections.iter().map(|own| section(&own.title, PreEscaped(own.html.clone())));
+    // Behind the progress: the task is what a reader came for.
+    let (first, rest) = sections.split_at(1);
     let all = first.iter().flatten().cloned().chain(of_task).chain(rest.iter().flatten().cloned());
     let main = with_contents(&all.collect::<Vec<Section>>());
     // Without an answer the page begins with what the run is; with one this stands below the answer, in the result.
@@ -89,8 +87,8 @@ fn result(report: &Report, has_answer: bool) -> Option<Section> {
     section_of("Result", !report.table.is_empty() || !report.notes.is_empty(), || {
         html! {
             @if has_answer { p { (report.subtitle) } }
-            @if report.detection.is_some() {
-                // AP50 with its range stands above; the other scores of objects fill a wide table.
+            @if report.task.ranking.is_some() {
+                // The score that ranks cameras stands above with its range; the others fill a wide table.
                 details { summary { "All scores and lenses" } (score_table(report)) }
             } @else {
                 (score_table(report))

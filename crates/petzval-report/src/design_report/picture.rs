@@ -95,13 +95,7 @@ fn shown(report: &Report, all: &[(usize, &PictureView)]) -> Markup {
             "Below each picture the framed part is enlarged without smoothing: the largest object that is to be found, or the part with the most detail; the last row is the raw frame in a plain development, \
              without network or hardware ISP. Select a picture to see it large; the arrow keys then switch cameras in place.",
         ))
-        @if report.detection.is_some() {
-            (caption(
-                "Boxes in the scene: blue are objects that count, gray those that are ignored. Boxes in the pictures of cameras are detections with a score \
-                 of 0.5 or more: green where an object of the class is, yellow where one of another class is, gray on objects that are ignored, red \
-                 where nothing is.",
-            ))
-        }
+        @if let Some(legend) = &report.task.legend { (caption(legend)) }
     }
 }
 
@@ -145,7 +139,7 @@ fn reason(report: &Report, picture: &PictureView) -> Option<String> {
             // One picture is worth a digit less than the mean over all.
             format!("{}\u{a0}{unit}", number::signed(sign, about.decimals.saturating_sub(1)))
         }
-        false => format!("{} objects found", number::signed(gain, 0)),
+        false => format!("{} {}", number::signed(gain, 0), report.task.counted),
     };
     let [camera, baseline] = [standing.subject, standing.baseline].map(|camera| standing.name(camera));
     Some(format!("{role}: {gain}, {camera} against {baseline}"))

@@ -3,17 +3,11 @@
 
 use petzval_base::counted;
 
-use super::found_answer::Found;
+use super::ranked_answer::RangedFigure;
 use super::score_table::{Figure, first_order, picture_scores, spot};
-use super::view::{DetectionView, OneSeed, Report, SeedStudy, TableRow};
+use super::view::{OneSeed, Ranking, Report, SeedStudy, TableRow};
 use crate::number;
 use crate::words::capitalised;
-
-/// The scores of all objects. Those of groups have a table of their own, with ranges.
-const OF_ALL_OBJECTS: [&str; 2] = [AP50, "AP"];
-
-/// The score of objects whose differences have a range.
-const AP50: &str = "AP50";
 
 /// Largest relative difference of first-order data between comparable cameras.
 const LIKE_FOR_LIKE: f64 = 0.01;
@@ -24,7 +18,8 @@ pub(super) fn reading(report: &Report) -> Vec<String> {
     if report.progress.is_some() {
         return Vec::new();
     }
-    let is_read = |s: &Figure| report.detection.is_none() || OF_ALL_OBJECTS.contains(&s.name.as_str());
+    let ranking = report.task.ranking.as_ref();
+    let is_read = |s: &Figure| ranking.is_none_or(|r| r.score == s.name || r.further.contains(&s.name));
     let scores: Vec<Figure> = picture_scores(report).into_iter().filter(is_read).collect();
     let (ceiling, rows): (Vec<TableRow>, Vec<TableRow>) =
         report.table.iter().cloned().partition(|r| r.is_ceiling);
@@ -33,7 +28,7 @@ pub(super) fn reading(report: &Report) -> Vec<String> {
         [baseline].into_iter().chain(between).map(|other| compare(report, &scores, design, other)).collect();
     let others: Vec<&TableRow> = between.iter().chain([design]).collect();
     // A camera before it is one from which others start.
-    let top = ceiling.last().filter(|top| report.detection.as_ref().is_none_or(|view| is_ahead(view, top)));
+    let top = ceiling.last().filter(|top| ranking.is_none_or(|ranking| is_ahead(ranking, top)));
     sentences.extend(top.and_then(|top| gap_sentence(&scores, baseline, &others, top)));
     sentences.extend(report.one_seed.as_ref().map(|known| seed_sentence(&picture_scores(report), known)));
     sentences.extend(spot_sentence(scores.first(), design, baseline, between));
@@ -41,17 +36,18 @@ pub(super) fn reading(report: &Report) -> Vec<String> {
     sentences
 }
 
-/// True if the 95 % range of the gain in AP50 over the baseline lies wholly above 0.
-fn is_ahead(view: &DetectionView, camera: &TableRow) -> bool {
-    let seen = view.cameras.iter().find(|seen| seen.camera == camera.camera);
+/// True if the 95 % range of the gain over the baseline lies wholly above 0.
+fn is_ahead(ranking: &Ranking, camera: &TableRow) -> bool {
+    let seen = ranking.cameras.iter().find(|seen| seen.camera == camera.camera);
     seen.and_then(|seen| seen.against_baseline).is_some_and(|range| range.low > 0.0)
 }
 
-/// Compares a camera with another in the scores of pictures; what is found with the range of the difference.
+/// Compares a camera with another in the scores of pictures; the score that ranks cameras with the range of the difference.
 fn compare(report: &Report, scores: &[Figure], design: &TableRow, other: &TableRow) -> String {
-    let seen = report.detection.iter().flat_map(|view| &view.cameras).find(|c| c.camera == other.camera);
-    let found = |s: &Figure| {
-        seen.and_then(|seen| seen.design_against).filter(|_| s.name == AP50).map(Found::difference)
+    let range_in = |s: &Figure| {
+        let ranking = report.task.ranking.as_ref().filter(|ranking| ranking.score == s.name)?;
+        let range = ranking.cameras.iter().find(|c| c.camera == other.camera)?.design_against?;
+        Some(RangedFigure::difference(range))
     };
     let known: Vec<&Figure> = scores.iter().filter(|s| s.gain(other, design).is_finite()).collect();
     let against = &other.camera;
@@ -61,8 +57,8 @@ fn compare(report: &Report, scores: &[Figure], design: &TableRow, other: &TableR
     }
     let differences: Vec<String> = known
         .iter()
-        .map(|s| match found(s) {
-            Some(found) => difference(s, &found.value) + &found.range(),
+        .map(|s| match range_in(s) {
+            Some(ranged) => difference(s, &ranged.value) + &ranged.range(),
             None => difference(s, &number::signed(s.of(design) - s.of(other), s.decimals)),
         })
         .collect();
@@ -217,7 +213,7 @@ fn unlike(row: &TableRow, baseline: &TableRow) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::design_report::{CameraDetection, Range, Score, SeedDifference, Spread};
+    use crate::design_report::{Range, RankedCamera, Score, SeedDifference, Spread, TaskPart};
     use crate::sample::{rows, scores};
 
     /// The reading without its unbreakable spaces.
@@ -241,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_found_is_stated_with_its_range_and_a_gap_only_where_there_is_one() {
+    fn a_score_of_all_windows_is_stated_with_its_range_and_a_gap_only_where_there_is_one() {
         let title = |title: &str| Score { title: title.into(), decimals: 3, ..scores()[0].clone() };
         let row = |camera: &str, values: [f64; 3]| TableRow {
             camera: camera.into(),
@@ -251,29 +247,34 @@ mod tests {
         };
         let seen = |camera: &str, against: Option<[f64; 2]>, design: Option<[f64; 2]>| {
             let range = |[low, high]: [f64; 2]| Range { value: 0.5 * (low + high), low, high };
-            CameraDetection {
+            RankedCamera {
                 camera: camera.into(),
                 against_baseline: against.map(range),
                 design_against: design.map(range),
-                ..CameraDetection::default()
+                ..RankedCamera::default()
             }
         };
         let mut report = Report {
-            scores: [AP50, "AP", "AP50 small"].map(title).to_vec(),
+            scores: ["AP50", "AP", "AP50 small"].map(title).to_vec(),
             table: vec![
                 row("nominal", [0.70, 0.4, 0.1]),
                 row("perfect", [0.80, 0.5, 0.2]),
                 row("end-to-end", [0.75, 0.44, 0.9]),
             ],
-            detection: Some(DetectionView {
-                baseline: "nominal".into(),
-                design: "end-to-end".into(),
-                windows: 192,
-                cameras: vec![
-                    seen("nominal", None, Some([0.02, 0.08])),
-                    seen("perfect", Some([0.05, 0.15]), Some([-0.09, -0.01])),
-                ],
-            }),
+            task: TaskPart {
+                ranking: Some(Ranking {
+                    score: "AP50".into(),
+                    further: vec!["AP".into()],
+                    baseline: "nominal".into(),
+                    design: "end-to-end".into(),
+                    cameras: vec![
+                        seen("nominal", None, Some([0.02, 0.08])),
+                        seen("perfect", Some([0.05, 0.15]), Some([-0.09, -0.01])),
+                    ],
+                    ..Ranking::default()
+                }),
+                ..TaskPart::default()
+            },
             ..Report::default()
         };
         let all = said(&report);
@@ -283,7 +284,7 @@ mod tests {
         );
         assert!(all[1].ends_with("End-to-end: +50 % in AP50, +40 % in AP."), "{}", all[1]);
         // If the windows do not show that perfect optics are ahead, no share of the gap is stated.
-        report.detection.as_mut().unwrap().cameras[1] = seen("perfect", Some([-0.01, 0.15]), None);
+        report.task.ranking.as_mut().unwrap().cameras[1] = seen("perfect", Some([-0.01, 0.15]), None);
         assert!(!said(&report).concat().contains("Share of the gap"));
     }
 

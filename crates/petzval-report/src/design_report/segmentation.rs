@@ -4,7 +4,7 @@ use image::{ImageFormat, Rgb, RgbImage};
 use maud::{Markup, html};
 
 use super::detection::difference;
-use super::found_answer::Found;
+use super::ranked_answer::RangedFigure;
 use super::view::{Range, TaskSection};
 use crate::page::caption;
 use crate::table::{Column, Row, Table};
@@ -126,7 +126,8 @@ fn absent_in_words(view: &SegmentationView) -> String {
 /// A row a camera, a column a class.
 fn by_class(view: &SegmentationView) -> Markup {
     let cell = |figure: &Option<SegmentFigure>| {
-        figure.map_or_else(|| html! { "–" }, |figure| Found::figure(figure.value, figure.range).shown())
+        figure
+            .map_or_else(|| html! { "–" }, |figure| RangedFigure::figure(figure.value, figure.range).shown())
     };
     let row = |camera: &CameraSegments| {
         let front = [cell(&camera.mean_iou), difference(camera.against_baseline), cell(&camera.accuracy)];

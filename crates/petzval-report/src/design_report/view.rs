@@ -45,10 +45,8 @@ pub struct Report {
     pub has_isp: bool,
     /// What is known of other seeds, if this run has one.
     pub one_seed: Option<OneSeed>,
-    /// What is found in the held-out pictures, if objects are looked for.
-    pub detection: Option<DetectionView>,
-    /// Sections of the task's own.
-    pub sections: Vec<TaskSection>,
+    /// What the task of the run adds.
+    pub task: TaskPart,
     /// Most training steps of a camera, and those that the experiment has, if the run was made shorter than that.
     pub short: Option<ShortRun>,
     /// What casts doubt on the scores of cameras.
@@ -67,13 +65,69 @@ pub struct Report {
     pub notes: Vec<String>,
 }
 
-/// A section that a task adds to its report.
+/// What the task of a run adds to its report, which knows no task by name.
 #[derive(Clone, Debug, Default, PartialEq)]
+pub struct TaskPart {
+    /// Its sections, the first of the result.
+    pub sections: Vec<TaskSection>,
+    /// The score of all held-out windows together that answers which camera is best; none where the mean over pictures answers it.
+    pub ranking: Option<Ranking>,
+    /// What is drawn over the pictures.
+    pub legend: Option<String>,
+    /// What [`HeldOutScores::found`] counts, as in `objects found`.
+    pub counted: String,
+}
+
+/// A section that a task adds to its report.
+#[derive(Clone, Debug, PartialEq)]
 pub struct TaskSection {
     /// Its headline.
     pub title: String,
     /// Its body in HTML, as it stands on the page.
     pub html: String,
+}
+
+/// Cameras by a score of all held-out windows together, as average precision is. Its ranges are those of 95 % of draws of the windows.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Ranking {
+    /// The title of the score among [`Report::scores`].
+    pub score: String,
+    /// Titles of further scores that the sentences compare.
+    pub further: Vec<String>,
+    /// The words of its sentence.
+    pub words: RankingWords,
+    /// The camera that the others are compared with.
+    pub baseline: String,
+    /// The camera that is designed, which is compared with each other one.
+    pub design: String,
+    /// Each camera.
+    pub cameras: Vec<RankedCamera>,
+}
+
+/// What cameras do, in the words of a task. A camera is the subject of each.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RankingWords {
+    /// What the best of several does: `finds most`.
+    pub most: &'static str,
+    /// What one does whose score is 0: `finds no object`.
+    pub nothing: &'static str,
+    /// What no camera does where the scores of all are 0: `finds an object`.
+    pub anything: &'static str,
+}
+
+/// A camera in a ranking.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RankedCamera {
+    /// Its name.
+    pub camera: String,
+    /// Its score; none where there is nothing to score.
+    pub value: Option<f64>,
+    /// The range of the score.
+    pub range: Option<[f64; 2]>,
+    /// Its score less that of the baseline over the same windows; none for the baseline.
+    pub against_baseline: Option<Range>,
+    /// The score of the design less its own over the same windows; none for the design.
+    pub design_against: Option<Range>,
 }
 
 /// A run with fewer steps than its experiment has.
@@ -317,6 +371,8 @@ pub struct DetectionView {
 pub struct CameraDetection {
     /// Name of the camera.
     pub camera: String,
+    /// Its place among the cameras of the run, which gives its colour.
+    pub number: usize,
     /// Precision over recall of each class that has objects, at an overlap of 0.5.
     pub curves: Vec<PrecisionCurve>,
     /// Average precision of all objects, and of groups of them.
@@ -357,7 +413,7 @@ pub struct GroupFigure {
 }
 
 /// A figure, and the range that it has in 95 % of draws of the windows.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
     /// The figure.
     pub value: f64,

@@ -67,10 +67,8 @@ fn write(
     let choice = Choice { x: x.clone(), y: y.clone(), figures: figure.clone() };
     let again = format!("petzval sweep {} --store {} --retry", pasted(&kept.file), pasted(store));
     // Only the tables of the store are known to be of this sweep.
-    let is_of_store = match (out.canonicalize(), store.canonicalize()) {
-        (Ok(out), Ok(store)) => out == store,
-        _ => out == store.as_path(),
-    };
+    let is_of_store =
+        matches!((out.canonicalize(), store.canonicalize()), (Ok(out), Ok(store)) if out == store);
     let keeps = !is_of_store && !context.overwrites();
     let files = keep_results(gathered, &view(gathered, &choice, &again)?, out, keeps)?;
     for path in &files {

@@ -125,8 +125,10 @@ wait $p; rc=$?
 # 75: stopped after a checkpoint; 74: the store is full or cannot be reached, which may last. Back into the queue, unless Slurm is ending the task
 # itself: it was cancelled, or Slurm requeues it.
 me="${{SLURM_ARRAY_JOB_ID}}_$SLURM_ARRAY_TASK_ID"
-if [ $rc = 74 ] && [ "${{SLURM_RESTART_COUNT:-0}}" -ge 20 ]; then echo "the store is still full or cannot be reached: not requeued" >&2; exit 74; fi
-if [ $rc = 74 ]; then sleep 60; fi
+if [ $rc = 74 ]; then
+  if [ "${{SLURM_RESTART_COUNT:-0}}" -ge 20 ]; then echo "the store is still full or cannot be reached: not requeued" >&2; exit 74; fi
+  sleep 60
+fi
 if {{ [ $rc = 75 ] || [ $rc = 74 ]; }} && [ "$(squeue -h -j $me -o %T)" != COMPLETING ]; then trap - TERM; scontrol requeue $me; sleep 60; fi
 exit $rc
 "#,

@@ -7,7 +7,8 @@ use petzval_learn::score::detection::{
 };
 use petzval_learn::score::{ObjectScore, object_scores};
 use petzval_report::design_report::{
-    CameraDetection, DetectionView, GroupFigure, LostObjects, Mistake, PrecisionCurve, Range,
+    CameraDetection, DetectionView, GroupFigure, LostObjects, Mistake, PrecisionCurve, Range, TaskPart,
+    detection_part,
 };
 use rayon::prelude::*;
 
@@ -28,9 +29,9 @@ const SHOWN: &str = "ap50";
 pub(super) fn report(cameras: &Cameras, run: &RunFolder, metrics: &Metrics) -> Result<TaskReport> {
     let classes = cameras.experiment.classes();
     let mut all: Vec<Option<Seen>> = Vec::new();
-    for row in &metrics.rows {
+    for (number, row) in metrics.rows.iter().enumerate() {
         let windows = seen_windows::read(run, &row.camera)?;
-        all.push(windows.map(|windows| Seen::new(row, windows, classes.len())));
+        all.push(windows.map(|windows| Seen::new(number, row, windows, classes.len())));
     }
     let is_found = |window: &SeenWindow| {
         window.truth.objects.iter().filter(|object| window.lost_at(object).is_none()).count()
@@ -47,12 +48,12 @@ pub(super) fn report(cameras: &Cameras, run: &RunFolder, metrics: &Metrics) -> R
         let (side, _) = picture_size(&run.picture(&file_name(index, "truth", None))).ok()?;
         Some(largest.bbox.centre().map(|v| f64::from(v) / f64::from(side)))
     };
-    Ok(TaskReport {
-        found: all.iter().map(found).collect(),
-        focus: first.map_or_else(Vec::new, |seen| seen.windows.iter().enumerate().map(focus).collect()),
-        detection: detection_view(cameras, run, &all.into_iter().flatten().collect::<Vec<_>>()),
-        sections: Vec::new(),
-    })
+    let (found, focus) = (
+        all.iter().map(found).collect(),
+        first.map_or_else(Vec::new, |seen| seen.windows.iter().enumerate().map(focus).collect()),
+    );
+    let view = detection_view(cameras, run, &all.into_iter().flatten().collect::<Vec<_>>());
+    Ok(TaskReport { part: view.as_ref().map_or_else(TaskPart::default, detection_part), found, focus })
 }
 
 /// What the cameras of a run find; none without a camera.
@@ -82,6 +83,7 @@ fn detection_view(of: &Cameras, run: &RunFolder, cameras: &[Seen]) -> Option<Det
         };
         CameraDetection {
             camera: seen.camera.to_owned(),
+            number: seen.number,
             curves: (0..classes.len()).filter_map(curve).collect(),
             groups: groups.par_iter().filter_map(group).collect(),
             against_baseline: difference(baseline, seen, classes.len()),
@@ -103,15 +105,17 @@ fn detection_view(of: &Cameras, run: &RunFolder, cameras: &[Seen]) -> Option<Det
 /// What a camera finds.
 struct Seen<'a> {
     camera: &'a str,
+    /// Its place among the cameras of the run.
+    number: usize,
     is_ceiling: bool,
     windows: Vec<SeenWindow>,
     judged: Vec<Picture>,
 }
 
 impl<'a> Seen<'a> {
-    fn new(row: &'a CameraMetrics, windows: Vec<SeenWindow>, classes: usize) -> Self {
+    fn new(number: usize, row: &'a CameraMetrics, windows: Vec<SeenWindow>, classes: usize) -> Self {
         let judged = windows.iter().map(|window| window.judged(classes)).collect();
-        Self { camera: &row.camera, is_ceiling: row.is_ceiling, windows, judged }
+        Self { camera: &row.camera, number, is_ceiling: row.is_ceiling, windows, judged }
     }
 
     fn ranking(&self, classes: usize) -> Ranking {

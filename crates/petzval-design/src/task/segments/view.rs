@@ -3,7 +3,7 @@
 use petzval_learn::score::detection::{Bootstrap, bootstrap};
 use petzval_learn::score::segmentation::{PixelConfusion, SegmentScore, segment_scores};
 use petzval_report::design_report::{
-    CameraSegments, Range, SegmentFigure, SegmentationView, ShownSegments, segmentation_section,
+    CameraSegments, Range, SegmentFigure, SegmentationView, ShownSegments, TaskPart, segmentation_section,
 };
 use rayon::prelude::*;
 
@@ -35,7 +35,8 @@ pub(super) fn report(cameras: &Cameras, run: &RunFolder, metrics: &Metrics) -> R
         windows: baseline.frames.len(),
         cameras: all.par_iter().map(|camera| camera.view(&scores, baseline)).collect(),
     };
-    Ok(TaskReport { sections: vec![segmentation_section(&view)], ..TaskReport::default() })
+    let part = TaskPart { sections: vec![segmentation_section(&view)], ..TaskPart::default() };
+    Ok(TaskReport { part, ..TaskReport::default() })
 }
 
 /// What a camera finds.
