@@ -23,6 +23,8 @@ pub struct Refused {
     pub name: Option<String>,
     /// Its maker; empty if that is unknown.
     pub maker: String,
+    /// Whether its file says that it is obsolete.
+    pub is_obsolete: bool,
     /// The reason.
     pub error: Box<FileError>,
 }
@@ -30,7 +32,7 @@ pub struct Refused {
 impl Refused {
     /// A glass without a name.
     pub(super) fn unnamed(error: FileError) -> Self {
-        Self { name: None, maker: String::new(), error: Box::new(error) }
+        Self { name: None, maker: String::new(), is_obsolete: false, error: Box::new(error) }
     }
 }
 
@@ -80,7 +82,7 @@ impl GlassFile {
     /// The glasses by name.
     pub fn into_catalog(self) -> Catalog {
         let mut catalog = Catalog::default();
-        for Refused { name, maker, error } in self.refused {
+        for Refused { name, maker, error, .. } in self.refused {
             if let Some(name) = name {
                 let FileError { message, .. } = *error;
                 catalog.refuse(&name, &maker, message);

@@ -260,6 +260,9 @@ fn no_glass_stands_in_for_one_of_the_files_maker_that_was_left_out() {
     // A maker that the file does not name, or names later.
     assert_eq!(refused("OTHER SCHOTT", &without("Schott", &["Other"])), None);
     assert_eq!(refused("SCHOTT", &without("Third", &["Schott"])), None);
+    assert_eq!(refused("SCHOTT THIRD OTHER", &without("Third", &["Schott", "Other"])), None);
+    // A glass of the user's own.
+    assert_eq!(refused("SCHOTT", &without("Schott", &[""])), None);
 }
 
 /// Whether a hair's breadth in front of the focus or behind it, a stop at the focus makes parallel chief rays of the right heights, and a cone of

@@ -75,6 +75,9 @@ fn a_lens_with_a_tiny_pupil_has_its_image() {
         let cone = Cone::of(&lens);
         assert!((cone.working_f_number() * pupil_mm / 50.0 - 1.0).abs() < 0.01, "{pupil_mm}: {cone:?}");
     }
+    // A long telescope, whose lenses are 0.1 um too far from each other.
+    let telescope = lens(1000.0, vec![thin(10_000.0, 10_025.000_1), thin(25.0, 50.0)]);
+    assert_eq!((leaves_parallel(&telescope), paraxial_image_mm(&telescope)), ([true; 2], None));
 }
 
 #[test]

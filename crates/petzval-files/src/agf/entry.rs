@@ -32,6 +32,7 @@ impl Entry {
             return Err(Refused {
                 name: words.first().map(|name| (*name).to_owned()),
                 maker: maker.to_owned(),
+                is_obsolete: false,
                 error: Box::new(error),
             });
         };
@@ -39,7 +40,8 @@ impl Entry {
             let message = format!("there is no formula {formula}");
             let hint = format!("formulas are numbered from 1 to {}", COUNTS.len());
             let error = Box::new(line.error(message).hint(hint));
-            return Err(Refused { name: Some((*name).to_owned()), maker: maker.to_owned(), error });
+            let (name, maker) = (Some((*name).to_owned()), maker.to_owned());
+            return Err(Refused { name, maker, is_obsolete: false, error });
         }
         // The formula is set when `CD` is read.
         let mut glass = Glass::new(*name, Dispersion::Constant(1.0));
@@ -72,8 +74,9 @@ impl Entry {
 
     /// The glass is left out, for an error.
     pub fn refused(&self, error: FileError) -> Refused {
-        let Glass { name, maker, .. } = &self.glass;
-        Refused { name: Some(name.clone()), maker: maker.clone(), error: Box::new(error) }
+        let Glass { name, maker, status, .. } = &self.glass;
+        let is_obsolete = *status == Some(Status::Obsolete);
+        Refused { name: Some(name.clone()), maker: maker.clone(), is_obsolete, error: Box::new(error) }
     }
 
     /// Reads a record other than `NM`. Fails if the glass has no usable formula by it.

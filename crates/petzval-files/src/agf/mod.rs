@@ -123,15 +123,23 @@ struct Place {
     line: usize,
 }
 
-/// Drops glasses whose name a later glass has that is left out: it would have replaced them.
+/// Drops glasses whose name a later glass has that is left out and would have replaced them.
 fn drop_replaced(file: &mut GlassFile, lost: &[Refused], places: &HashMap<String, Place>) {
-    let lines =
-        lost.iter().filter_map(|lost| Some((lost.name.as_ref()?.to_uppercase(), lost.error.line? as usize)));
-    let last: HashMap<String, usize> = lines.collect();
+    let mut refused: HashMap<String, Vec<(usize, bool)>> = HashMap::new();
+    for lost in lost {
+        if let (Some(name), Some(line)) = (&lost.name, lost.error.line) {
+            refused.entry(name.to_uppercase()).or_default().push((line as usize, lost.is_obsolete));
+        }
+    }
     file.glasses.retain(|glass| {
         let name = glass.name.to_uppercase();
-        last.get(&name).is_none_or(|line| places.get(&name).is_some_and(|place| place.line > *line))
+        let (Some(refused), Some(place)) = (refused.get(&name), places.get(&name)) else { return true };
+        !refused.iter().any(|(line, is_old)| *line > place.line && (!is_old || is_obsolete(glass)))
     });
+}
+
+fn is_obsolete(glass: &Glass) -> bool {
+    glass.status == Some(Status::Obsolete)
 }
 
 /// Completes a glass and adds it to the file. A later glass of the same name replaces an earlier one, unless only the later
@@ -145,7 +153,6 @@ fn close(entry: Entry, file: &mut GlassFile, places: &mut HashMap<String, Place>
     }
     match places.get_mut(&glass.name.to_uppercase()) {
         Some(place) => {
-            let is_obsolete = |glass: &Glass| glass.status == Some(Status::Obsolete);
             if is_obsolete(&glass) && !is_obsolete(&file.glasses[place.index]) {
                 file.warnings.push(warning("an obsolete glass has the name of this one: left out"));
                 return Ok(());

@@ -225,6 +225,9 @@ fn a_glass_that_is_refused_takes_the_place_of_an_earlier_one_of_its_name() {
     assert_eq!(glass(format!("{b}{a}{bad}")), Err(true));
     assert_eq!(glass(format!("{b}{bad}{a}")), Ok("A".to_owned()));
     assert_eq!(glass(format!("{b}{a}{bad}{a}")), Ok("A".to_owned()));
+    // An obsolete glass replaces none that is not.
+    let obsolete = "NM A 5 0 1.5 0 0 2\nLD 0.3 2\n";
+    assert_eq!(glass(format!("{b}{a}{obsolete}")), Ok("A".to_owned()));
     let alone = parse_agf(&format!("{a}{bad}"), "Maker").unwrap_err();
     assert!(alone.message.contains("no coefficients"), "{alone}");
 }

@@ -53,7 +53,7 @@ pub(super) fn unread_angles<'a>(
 }
 
 fn is_number(value: &Loose) -> bool {
-    matches!(value, Loose::Whole(_) | Loose::Number(_))
+    matches!(value, Loose::Whole(_)) || matches!(value, Loose::Number(value) if value.is_finite())
 }
 
 /// Whether a value for an angle rotates nothing.
@@ -62,7 +62,7 @@ pub(super) fn is_zero(value: &Loose) -> bool {
 }
 
 /// Takes the rotation of a box out of its attributes, degrees; `None` where the box is upright. Fails with the value if that of `rotation` is no number,
-/// or if two attributes differ. Beside `rotation`, other spellings are taken out too, lest the next reader rotates by them.
+/// or if two attributes differ. Beside `rotation`, numbers of other spellings are taken out too, lest the next reader rotates by them.
 pub(super) fn take_rotation_deg(attributes: &mut BTreeMap<String, Attribute>) -> Result<Option<f64>, String> {
     let is_stated = attributes.keys().any(|name| is_rotation(name));
     let mut found: Option<f64> = None;
@@ -81,7 +81,7 @@ pub(super) fn take_rotation_deg(attributes: &mut BTreeMap<String, Attribute>) ->
     }
     attributes.retain(|name, value| {
         let is_number = matches!(value, Attribute::Number(_));
-        !(is_rotation(name) || is_other_spelling(name) && (is_stated || is_number))
+        !(is_rotation(name) || is_other_spelling(name) && is_number)
     });
     Ok(found.filter(|degrees| degrees % 360.0 != 0.0))
 }
@@ -133,7 +133,7 @@ mod tests {
         assert_eq!(take(&[parked(), ("rotation", Attribute::Flag(false))]), (Ok(None), 1));
         // CVAT's own comes before an attribute of the user's.
         assert_eq!(take(&[("rotation", number(0.0)), ("Rotation", number(90.0))]), (Ok(None), 0));
-        assert_eq!(take(&[("rotation", number(30.0)), ("ROTATION", parked().1)]), (Ok(Some(30.0)), 0));
+        assert_eq!(take(&[("rotation", number(30.0)), ("ROTATION", parked().1)]), (Ok(Some(30.0)), 1));
         let two = take(&[("ROTATION", number(30.0)), ("Rotation", number(40.0))]).0;
         assert_eq!(two, Err("30, and `Rotation` is 40".to_owned()));
         let text = || Attribute::Text("30,5".to_owned());

@@ -375,18 +375,27 @@ impl<'a> RawSurface<'a> {
                 return Err(line.error(message).hint("0 is a fixed glass, 1 a model glass"));
             }
         }
-        // If several makers share the name, take the one of the file's catalogues; none stands in for one that they name first and that was left out.
-        let place = |maker: &str| shapes.catalogs.iter().position(|c| is_of(c, maker));
-        let of_file = shapes.catalog.all(name).iter().rfind(|glass| place(&glass.maker).is_some());
-        let found = of_file.and_then(|glass| place(&glass.maker));
-        let is_first = |maker: &str| place(maker).is_some_and(|own| found.is_none_or(|found| own <= found));
+        // A glass without a maker is the user's own, and the last word where it was added last.
+        let by_name = shapes.catalog.get(name);
+        if let Ok(own) = &by_name
+            && own.maker.is_empty()
+        {
+            return Ok(own.clone());
+        }
+        // If several makers share the name, take the first that the file names. None stands in for one that was left out.
+        let place = |maker: &str| place_of(maker, shapes.catalogs);
+        let all = shapes.catalog.all(name).iter().rev();
+        let of_file =
+            all.filter_map(|glass| Some((place(&glass.maker)?, glass))).min_by_key(|(place, _)| *place);
+        let is_first =
+            |maker: &str| place(maker).is_some_and(|own| of_file.is_none_or(|(found, _)| own <= found));
         if let Some((_, refused)) = shapes.catalog.refusals(name).find(|(maker, _)| is_first(maker)) {
             return Err(unknown_glass(&line.record(), &refused));
         }
-        if let Some(glass) = of_file {
+        if let Some((_, glass)) = of_file {
             return Ok(glass.clone());
         }
-        let glass = match shapes.catalog.get(name) {
+        let glass = match by_name {
             Ok(glass) => glass,
             Err(unknown) => {
                 let stated = [line.number(3)?.unwrap_or(0.0), line.number(4)?.unwrap_or(0.0)];
@@ -413,10 +422,14 @@ const MODEL_GLASS: &str = "___BLANK";
 /// Index and Abbe number that the program writes beside a name that it does not know.
 const NOT_STATED: [f64; 2] = [1.5, 40.0];
 
-/// Whether a catalogue of the program holds glasses of a maker. Generic materials are in several catalogues.
-fn is_of(catalog: &str, maker: &str) -> bool {
+/// The place of a maker among the catalogues that a file names. Generic materials are in several of them and come last.
+fn place_of(maker: &str, catalogs: &[String]) -> Option<usize> {
     let maker = maker.to_uppercase();
-    maker == "GENERIC" || catalog.contains(&maker)
+    match maker.as_str() {
+        "" => None,
+        "GENERIC" => (!catalogs.is_empty()).then_some(catalogs.len()),
+        maker => catalogs.iter().position(|catalog| catalog.contains(maker)),
+    }
 }
 
 fn report_solve(line: &Line<'_>, losses: &mut Losses) {

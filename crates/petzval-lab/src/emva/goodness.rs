@@ -235,8 +235,8 @@ fn fit(points: &Points, powers: &[i32]) -> Option<Fitted> {
 pub struct Bend {
     /// Coefficients of `y = a + b x + c x^2`; `a` is zero for a model through the origin.
     pub coefficients: [f64; 3],
-    /// Whether the quadratic term is significant at [`ALPHA`], and further points show that it is a bend: without them, two or three points that
-    /// scatter look the same.
+    /// Whether the quadratic term is significant at [`ALPHA`], and there are more abscissae than coefficients: without them, points that scatter look
+    /// the same.
     pub is_certain: bool,
 }
 
@@ -261,7 +261,7 @@ pub fn bend(points: &Points, model: Model) -> Option<Bend> {
     (is_significant || is_possible).then(|| {
         let mut coefficients = [0.0; 3];
         coefficients[3 - powers.len()..].copy_from_slice(bent.coefficients.as_slice());
-        Bend { coefficients, is_certain: is_significant && degrees > 0 }
+        Bend { coefficients, is_certain: is_significant && places(&points.x) > powers.len() }
     })
 }
 

@@ -19,7 +19,7 @@ use super::compressed::Compression;
 use super::deviation_noise::{DeviationNoise, Extremes};
 use super::fit::{Line, line};
 use super::goodness::{Bend, FitTest, Model, Points, Verdict, bend, places, slope_at_zero, test};
-use super::measured::{Measured, Unresolved};
+use super::measured::{Measured, RESOLVED_SIGMAS, Unresolved};
 use super::saturation::{Saturation, saturation};
 use super::shared_noise::SharedNoise;
 use super::transfer_point::FIT_SHARE;
@@ -68,8 +68,8 @@ pub struct PhotonTransfer {
     pub gain_dn_per_e: Measured,
     /// Whether the variance lies on the line of the gain.
     pub gain_test: FitTest,
-    /// System gain without the bend of the response over the light, DN/e-, if three lights or more show that it bends. The error is that of noise,
-    /// and holds for a response that is quadratic.
+    /// System gain without the bend of the response over the light, DN/e-, if more lights than a parabola needs show that it bends. The error is that
+    /// of noise, and holds for a response that is quadratic.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub straightened_gain_dn_per_e: Option<Measured>,
     /// Noise that pixels or frames share, if they do: K is withdrawn, or its error contains the variance that is missing.
@@ -148,7 +148,7 @@ pub fn photon_transfer(points: &[TransferPoint], rules: Rules) -> Option<PhotonT
     };
     let used = &points[..range_end.map_or(0, |i| i + 1)];
     let response = points_of_response(points, used.len(), &found, end_dn);
-    let gain = tested_gain(used, response);
+    let gain = tested_gain(used, response, !found.reached);
     let gain_dn_per_e = if rules == Rules::Ours { gain.resolved() } else { gain.measured() };
     let responsivity = tested_responsivity(used, response);
     let linearity = linearity(points, &signal, end_dn);
@@ -323,8 +323,9 @@ impl Tested {
     }
 }
 
-/// K with the errors of noise, of the departure of the variance from the line, and of the bend of the response.
-fn tested_gain(used: &[TransferPoint], response: &[TransferPoint]) -> Tested {
+/// K with the errors of noise, of the departure of the variance from the line, and of the bend of the response. `is_open` says that the series
+/// ends below saturation.
+fn tested_gain(used: &[TransferPoint], response: &[TransferPoint], is_open: bool) -> Tested {
     let by_noise = gain(used);
     let k = by_noise.value().unwrap_or(0.0);
     let points = transfer_points(used, k);
@@ -339,7 +340,9 @@ fn tested_gain(used: &[TransferPoint], response: &[TransferPoint]) -> Tested {
         Some(of_bend) => of_bend.min(open()),
         None => open(),
     });
-    test.model_error = departure.error(0, of_noise).hypot(of_bend).hypot(of_points_above(used, response, k));
+    // Near saturation the variance above is that of the knee.
+    let of_above = if is_open { of_points_above(used, response, [k, of_noise]) } else { 0.0 };
+    test.model_error = departure.error(0, of_noise).hypot(of_bend).hypot(of_above);
     if test.model_error > 0.0 {
         test.verdict = Verdict::Widened;
     }
@@ -348,13 +351,15 @@ fn tested_gain(used: &[TransferPoint], response: &[TransferPoint]) -> Tested {
     Tested { by_noise, test, straightened }
 }
 
-/// What the variance of the points above says of a gain `k` that one point determines, DN/e-. A light that drifts may hide how the response bends,
-/// and a knee may have begun in that point.
-fn of_points_above(used: &[TransferPoint], response: &[TransferPoint], k: f64) -> f64 {
+/// How far the variance of the points above is from a gain that one point determines, with its error, DN/e-; 0 within two standard errors. A light
+/// that drifts may hide how the response bends, and a knee may have begun in that point.
+fn of_points_above(used: &[TransferPoint], response: &[TransferPoint], [k, error]: [f64; 2]) -> f64 {
     if used.len() != 1 || response.len() == 1 {
         return 0.0;
     }
-    slope_at_zero(&transfer_points(response, k)).map_or(k, |[slope, _]| slope - k).abs().min(k.abs())
+    let Some([slope, slope_error]) = slope_at_zero(&transfer_points(response, k)) else { return k.abs() };
+    let distance = (slope - k).abs();
+    if distance > RESOLVED_SIGMAS * slope_error.hypot(error) { distance.min(k.abs()) } else { 0.0 }
 }
 
 /// The bend of the response over the light; through the origin, if there are two lights.
@@ -595,6 +600,9 @@ mod tests {
         let (k, se) = (found.gain_dn_per_e.value().unwrap(), found.gain_dn_per_e.standard_error().unwrap());
         assert!(((k - 0.1) / se).abs() < 1.0 && se < 0.02, "{k} +- {se}");
         assert_eq!(found.straightened_gain_dn_per_e, None);
+        // Where the noise explains the difference, K has its noise alone.
+        let found = photon_transfer(&points(&[1900.0, 2000.0], &[190.0, 196.0], 2.0), Rules::Ours).unwrap();
+        assert_eq!((found.used, found.gain_test.model_error), (2, 0.0), "{found:?}");
     }
 
     #[test]

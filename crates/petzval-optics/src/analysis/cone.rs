@@ -17,11 +17,14 @@ const RIM: usize = 16;
 /// Share of the pupil at which rays say whether light leaves parallel: spherical aberration has a billionth of its angle there.
 const NEAR_AXIS: f64 = 1e-3;
 
-/// Paraxial f-number beyond which light counts as parallel: no plane within reach shows its image.
+/// Paraxial f-number beyond which light counts as parallel if its image is far, see [`FAR_IN_APERTURES`].
 const PARALLEL_F_NUMBER: f64 = 1e5;
 
-/// Multiple of the size of a lens beyond which its image is at infinity. A nearer one is an image, however narrow the cone to it.
-const FAR_IN_SIZES: f64 = 1e3;
+/// Multiple of the semi-diameter of the last surface beyond which an image is far. A nearer one is an image, however narrow the cone to it.
+const FAR_IN_APERTURES: f64 = 1e3;
+
+/// Semi-diameter that is taken for smaller ones, mm: a lens that is as small as its beams says nothing of what is far.
+const LEAST_APERTURE_MM: f64 = 1.0;
 
 /// Angle between two such rays that leave parallel, rad.
 const PARALLEL_RAD: f64 = 1e-7;
@@ -78,19 +81,9 @@ fn image_within_reach_mm(lens: &Lens, sequence: &Sequence, order: &FirstOrder) -
     let na = paraxial_na(sequence);
     // An aperture of exactly 0 comes from a pupil at infinity, and says nothing of the image.
     let is_narrow = na > 0.0 && na < 0.5 / PARALLEL_F_NUMBER;
-    let is_far = |mm: f64| mm.abs() > FAR_IN_SIZES * size_mm(lens);
+    let aperture_mm = lens.surfaces.last().map_or(0.0, |surface| surface.semi_diameter_mm);
+    let is_far = |mm: f64| mm.abs() > FAR_IN_APERTURES * aperture_mm.max(LEAST_APERTURE_MM);
     Some(order.image_distance_mm).filter(|mm| mm.is_finite() && !(is_narrow && is_far(*mm)))
-}
-
-/// The size of a lens along or across its axis, whichever is larger, mm.
-fn size_mm(lens: &Lens) -> f64 {
-    let between = &lens.surfaces[..lens.surfaces.len().saturating_sub(1)];
-    let length: f64 = between.iter().map(|surface| surface.thickness_mm.abs()).sum();
-    lens.surfaces
-        .iter()
-        .map(|surface| surface.semi_diameter_mm)
-        .filter(|mm| mm.is_finite())
-        .fold(length, f64::max)
 }
 
 /// Whether light of the axis leaves a lens parallel in the x-z and in the y-z section, at the reference wavelength.

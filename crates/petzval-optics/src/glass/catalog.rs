@@ -166,7 +166,8 @@ impl Catalog {
         let others = self.all(wanted).iter().rev();
         let mut nearest: Vec<String> =
             others.map(|glass| format!("{}:{wanted}", glass.maker.to_uppercase())).collect();
-        nearest.extend(nearest_names(wanted, self.names()));
+        let known = self.names().into_iter().filter(|known| known != wanted).collect();
+        nearest.extend(nearest_names(wanted, known));
         nearest.truncate(HINTS);
         UnknownGlass { name: name.into(), refused: Some(refusal.reason.clone()), nearest }
     }

@@ -30,6 +30,10 @@ impl Reasons {
                 "within two standard errors of zero".to_owned(),
                 with_error(&Measured::new(value, standard_error)),
             ),
+            Unresolved::WithinModelError { value, standard_error } => (
+                "its points are not on a line, or too few to show that they are".to_owned(),
+                with_error(&Measured::new(value, standard_error)),
+            ),
             Unresolved::NegativeVariance(_) => ("the variance is negative".to_owned(), None),
             other => (other.to_string(), None),
         };

@@ -291,8 +291,12 @@ fn further_attributes(
             unread.push(format!("object/attributes/{}", fact.tag_name().name()));
             continue;
         };
-        let of_text = |text: String| if is_zero(&text) { Loose::Absent } else { Loose::Text(text) };
-        stated.push((name.clone(), text.parse().map_or_else(|_| of_text(text.clone()), Loose::Number)));
+        let of_text = |text: &String| match text.as_str() {
+            "" => Loose::Absent,
+            text if is_zero(text) => Loose::Flag(false),
+            text => Loose::Text(text.to_owned()),
+        };
+        stated.push((name.clone(), text.parse().map_or_else(|_| of_text(&text), Loose::Number)));
         let value = match text.parse() {
             Ok(number) if f64::is_finite(number) => Attribute::Number(number),
             _ if is_rotation(&name) && !is_zero(&text) => {
@@ -448,6 +452,10 @@ mod tests {
             ["object/attributes/Rotation"]
         );
         assert!(unread(&format!("{BOX}{}", attribute("rotation", "false"))).is_empty());
+        let both = attribute("rotation", "false")
+            .replace("</attributes>", &attribute("Rotation", "30").replace("<attributes>", ""));
+        assert_eq!(unread(&format!("{BOX}{both}")), ["object/attributes/Rotation"]);
+        assert_eq!(unread(&format!("{BOX}{}", attribute("Rotation", "nan"))), ["object/attributes/Rotation"]);
         assert_eq!(unread(&within("<rotated>false</rotated>")), ["object/bndbox/rotated"]);
 
         let rotated = |angle: &str| {

@@ -4,8 +4,8 @@
 //! upper left of its picture that is frequent. The lines of a data set together show which they are. All poses have the same number of
 //! keypoints; outlines have different numbers of points, reach out of such a box, or are all rectangles. Single wrong lines of poses do not make them outlines:
 //! where nine lines of ten may be poses of one shape, nothing is guessed. Nor is it where nine of ten begin with the box around their other points, which some
-//! programs write before an outline. Among nine times as many plain boxes, longer lines are outlines: a data set of
-//! poses has keypoints in most of its lines.
+//! programs write before an outline. Among nine times as many plain boxes, longer lines are no poses:
+//! those have keypoints in all lines.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -20,10 +20,10 @@ pub(super) const ROUNDING: f64 = 0.01;
 /// With so many lines of ten of another form, no line is taken for an outline.
 const DOUBTFUL_OF_TEN: usize = 9;
 
-/// With so many lines of ten that are plain boxes, the longer ones are outlines.
+/// With so many lines of ten that are plain boxes, the longer ones are no poses.
 const BOXES_OF_TEN: usize = 9;
 
-/// Share of the box that three keypoints or more span at least, in one direction.
+/// Share of the box that three keypoints or more span at least in one direction, if the box itself lies among them like points of an outline.
 const LEAST_SPAN: f64 = 0.25;
 
 /// A line that is read as an outline.
@@ -91,11 +91,12 @@ impl LongLines {
 
     /// The first line that may be no outline, and its file, if nearly all lines may be of its form.
     pub fn doubt(self) -> Option<(PathBuf, FileError)> {
-        if 10 * self.boxes >= BOXES_OF_TEN * (self.lines + self.boxes) {
-            return None;
-        }
-        let is_doubtful = |lines: &Lines| 10 * lines.count >= DOUBTFUL_OF_TEN * self.lines;
-        let (form, Lines { count, first }) = self.others.into_iter().find(|(_, lines)| is_doubtful(lines))?;
+        let may_have_poses = 10 * self.boxes < BOXES_OF_TEN * (self.lines + self.boxes);
+        let is_doubtful = |(form, lines): &(Form, Lines)| {
+            (may_have_poses || *form == Form::BoxAndOutline)
+                && 10 * lines.count >= DOUBTFUL_OF_TEN * self.lines
+        };
+        let (form, Lines { count, first }) = self.others.into_iter().find(is_doubtful)?;
         let (path, number, text) = first;
         let (other, otherwise) = match form {
             Form::Pose([points, values]) => (
@@ -119,8 +120,8 @@ impl LongLines {
 }
 
 /// Whether shares of the picture may be a pose: middle and size of a box in the picture, then keypoints of 2 or 3 `values`, of which the box holds more
-/// than half. Three or more of them do not lie in a corner of the box. The third value says how well a keypoint is seen. Those at 0, 0 are not
-/// labelled.
+/// than half. Three or more of them are no small outline that begins with middle and size. The third value says how well a keypoint is seen. Those at
+/// 0, 0 are not labelled.
 fn may_be_pose(shares: &[f64], values: usize) -> bool {
     let [x, y, width, height, keypoints @ ..] = shares else { return false };
     if keypoints.is_empty() || !keypoints.len().is_multiple_of(values) {
@@ -141,16 +142,27 @@ fn may_be_pose(shares: &[f64], values: usize) -> bool {
     let are_seen =
         keypoints.clone().all(|point| point.get(2).is_none_or(|seen| *seen == 0.0 || *seen == 1.0));
     let labelled: Vec<&[f64]> = keypoints.filter(|point| point[0] > 0.0 || point[1] > 0.0).collect();
-    let span = |axis: usize| {
-        let all = labelled.iter().map(|point| point[axis]);
-        all.clone().fold(f64::NEG_INFINITY, f64::max) - all.fold(f64::INFINITY, f64::min)
-    };
-    if labelled.len() > 2 && span(0) < LEAST_SPAN * width && span(1) < LEAST_SPAN * height {
+    if labelled.len() > 2 && is_small_outline([[*x, *y], [*width, *height]], &labelled) {
         return false;
     }
     let inside =
         labelled.iter().filter(|point| across.contains(&point[0]) && down.contains(&point[1])).count();
     are_seen && (labelled.is_empty() || 2 * inside > labelled.len())
+}
+
+/// Whether points span little of a box of this middle and size, and both of these lie among them, no further away than the points from each other.
+fn is_small_outline([middle, size]: [[f64; 2]; 2], points: &[&[f64]]) -> bool {
+    let ends = [0, 1].map(|axis| {
+        let all = points.iter().map(|point| point[axis]);
+        [all.clone().fold(f64::INFINITY, f64::min), all.fold(f64::NEG_INFINITY, f64::max)]
+    });
+    let spans = ends.map(|[low, high]| high - low);
+    let around = spans[0].max(spans[1]);
+    (0..2).all(|axis| {
+        let [low, high] = ends[axis];
+        let is_near = |point: [f64; 2]| (low - around..=high + around).contains(&point[axis]);
+        spans[axis] < LEAST_SPAN * size[axis] && is_near(middle) && is_near(size)
+    })
 }
 
 /// Whether the first two points are the middle and the size of the box around the others, in shares of the picture.
@@ -195,9 +207,9 @@ mod tests {
             // Three values, of which the third is 0 or 1.
             (&[0.5, 0.5, 0.2, 0.4, 0.45, 0.35, 1.0, 0.55, 0.35, 0.0], 3, true),
             (&[0.5, 0.5, 0.2, 0.4, 0.45, 0.35, 0.9, 0.55, 0.35, 0.0], 3, false),
-            // Three keypoints in a corner of the box, and on a line across it.
-            (&[0.5, 0.5, 0.4, 0.4, 0.35, 0.35, 0.4, 0.35, 0.4, 0.4], 2, false),
-            (&[0.5, 0.5, 0.4, 0.4, 0.35, 0.35, 0.4, 0.35, 0.6, 0.35], 2, true),
+            // A small outline, and the corners of a plate in the box of a car.
+            (&[0.3, 0.3, 0.34, 0.3, 0.35, 0.33, 0.32, 0.35, 0.29, 0.33], 2, false),
+            (&[0.5, 0.5, 0.4, 0.5, 0.46, 0.68, 0.54, 0.68, 0.54, 0.7, 0.46, 0.7], 2, true),
             // A box that reaches out of the picture, and one without height.
             (&[0.8, 0.5, 0.6, 0.4, 0.7, 0.5], 2, false),
             (&[0.5, 0.5, 0.2, 0.0, 0.5, 0.5], 2, false),
@@ -223,6 +235,10 @@ mod tests {
             (0..boxes).for_each(|_| long.add_box());
             assert_eq!(long.doubt().is_some(), wanted, "{boxes}");
         }
+        // Outlines behind their boxes, which a program writes where it has them.
+        let mut long = lines(&[(1, &[0.5, 0.5, 0.2, 0.4, 0.4, 0.3, 0.6, 0.3, 0.5, 0.7])]);
+        (0..9).for_each(|_| long.add_box());
+        assert!(long.doubt().unwrap().1.to_string().contains("keep five values"));
         assert!(lines(&[]).doubt().is_none());
         let (path, error) = lines(&[(10, POSE)]).doubt().unwrap();
         let text = error.to_string();
