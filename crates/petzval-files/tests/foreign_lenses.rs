@@ -261,6 +261,10 @@ fn no_glass_stands_in_for_one_of_the_files_maker_that_was_left_out() {
     assert_eq!(refused("OTHER SCHOTT", &without("Schott", &["Other"])), None);
     assert_eq!(refused("SCHOTT", &without("Third", &["Schott"])), None);
     assert_eq!(refused("SCHOTT THIRD OTHER", &without("Third", &["Schott", "Other"])), None);
+    // A glass that the file names with its maker is of the GCAT that names this one.
+    let named = DOUBLET.replace("GLAS N-BK7", "GLAS schott:N-BK7");
+    let losses = parse_zmx(&named, &catalog()).unwrap().losses;
+    assert!(losses.iter().all(|loss| !loss.to_string().contains("GCAT")), "{losses:?}");
     // A glass of the user's own.
     assert_eq!(refused("SCHOTT", &without("Schott", &[""])), None);
 }

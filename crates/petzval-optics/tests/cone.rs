@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use common::paraboloid;
 use petzval_optics::analysis::{
-    AnalysisOptions, Cone, analyze, field_curves, field_mtf, first_order_table, leaves_parallel,
-    paraxial_image_mm, wavefront,
+    AnalysisOptions, Cone, analyze, encircled_energy, field_curves, field_mtf, first_order_table,
+    leaves_parallel, paraxial_image_mm, wavefront,
 };
 use petzval_optics::glass::{Dispersion, Glass};
 use petzval_optics::lens::{
@@ -175,6 +175,21 @@ fn an_afocal_telescope_has_no_focal_length_and_an_angular_magnification() {
     let loose = lens(20.0, vec![thin(200.0, 240.001), thin(40.0, 48.0)]);
     let efl = first_order_table(&loose).efl_mm.unwrap();
     assert!((efl / (-200.0 * 40.0 / 0.001) - 1.0).abs() < 1e-6, "{efl}");
+    // Off by the last digits of a file, it is a telescope.
+    let of_digits = first_order_table(&lens(20.0, vec![thin(200.0, 240.000_000_1), thin(40.0, 48.0)]));
+    assert!((of_digits.angular_magnification.unwrap() + 5.0).abs() < 1e-6 && of_digits.efl_mm.is_some());
+}
+
+#[test]
+fn the_line_of_a_cylinder_is_within_the_radii_of_its_energy() {
+    let shape = SurfaceShape { departure: Departure::Toroid { curvature_x: 0.02 }, ..SurfaceShape::PLANE };
+    let cylinder =
+        lens(10.0, vec![Surface { shape, glass: medium(1.5), ..plane(3.0, 6.0) }, plane(98.0, 8.0)]);
+    let energy = encircled_energy(&cylinder, 0.0, &AnalysisOptions::default()).unwrap();
+    // A line of the pupil's 10 mm.
+    let last = energy.radius_um.last().unwrap();
+    assert!(last.is_finite() && *last > 4900.0 && *last < 10_000.0, "{last}");
+    assert!((energy.geometric.last().unwrap() - 1.0).abs() < 1e-9);
 }
 
 /// Rounding of a distance moves an object at the front focus by nanometres: from f/100000 on, light counts as parallel.

@@ -37,5 +37,6 @@ fn shared_name(glass: &Glass, catalog: &Catalog) -> Option<String> {
     }
     let (name, maker) = (&glass.name, if glass.maker.is_empty() { "nobody" } else { &glass.maker });
     let (all, first) = (others.join(", "), others[0]);
-    Some(format!("{name} is that of {maker}; {all} has another of this name: write {first}:{name} for it"))
+    let have = if others.len() > 1 { "have" } else { "has" };
+    Some(format!("{name} is that of {maker}; {all} {have} another of this name: write {first}:{name} for it"))
 }

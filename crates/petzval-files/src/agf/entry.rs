@@ -166,7 +166,10 @@ impl Entry {
             self.glass.absorption = Some(Absorption::Transmittance(std::mem::take(&mut self.transmittance)));
         }
         match self.glass.misprint() {
-            Some(misprint) => Err(self.refused(error_at(number, &name, misprint.to_string()))),
+            Some(misprint) => {
+                let hint = "correct the coefficients or the printed value, by the data sheet of the maker";
+                Err(self.refused(error_at(number, &name, misprint.to_string()).hint(hint)))
+            }
             None => Ok(self.glass),
         }
     }

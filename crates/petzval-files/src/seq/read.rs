@@ -188,6 +188,14 @@ impl Reader {
                 if let Some((_, message)) = REFUSED.iter().find(|(refused, _)| refused.contains(&name)) {
                     return Err(command.error(*message));
                 }
+                // `S1.5 -5 1`: without it the lens is another one.
+                let numeric = |c: char| c.is_ascii_digit() || matches!(c, '+' | '-' | '.');
+                if name.strip_prefix('S').unwrap_or(name).starts_with(numeric) {
+                    let message = "this command is not understood, and may be a surface";
+                    return Err(command
+                        .error(message)
+                        .hint("a surface is `S RADIUS THICKNESS [GLASS]`, with spaces"));
+                }
                 self.lose(&command.record, Effect::NotUnderstood, "this command is not understood");
             }
         }

@@ -408,7 +408,7 @@ impl<'a> RawSurface<'a> {
             }
         };
         let maker = &glass.maker;
-        if !maker.is_empty() && !shapes.catalogs.is_empty() {
+        if !maker.is_empty() && !shapes.catalogs.is_empty() && place(maker).is_none() {
             let message = format!("the glass is that of {maker}, which the file's GCAT does not name");
             line.lose(losses, Effect::Approximated, message);
         }

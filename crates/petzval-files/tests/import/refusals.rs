@@ -257,6 +257,16 @@ fn unknown_records_among_surfaces_end_nothing() {
     assert_eq!(found, [(20, Effect::NotUnderstood), (21, Effect::NotUnderstood)]);
 }
 
+/// A line that may be a surface with a typing slip: without it the lens is another one.
+#[test]
+fn a_command_that_may_be_a_surface_is_refused() {
+    for line in ["S1.5 -5 1", "-5 1", "S-20 3 SF5"] {
+        let error = parse_seq(&changed(SEQ, "SI 0 0", &format!("{line}\nSI 0 0")), &catalog()).unwrap_err();
+        let said = error.to_string();
+        assert!(said.contains("may be a surface") && said.contains("S RADIUS THICKNESS"), "{line}: {said}");
+    }
+}
+
 #[test]
 fn a_lens_that_cannot_be_built_is_read_as_a_start_alone() {
     for (from, to, why) in [

@@ -261,6 +261,13 @@ fn is_virtual(lens: &Lens) -> bool {
     lens.goes_against_the_light(lens.surfaces.len() - 1)
 }
 
+/// What to say of a lens whose paraxial image lies where no image plane can be.
+pub(super) fn virtual_image(lens: &Lens) -> Option<&'static str> {
+    let direction = if lens.light_goes_forwards(lens.surfaces.len() - 1) { 1.0 } else { -1.0 };
+    let is_virtual = paraxial_image_mm(lens)? * direction < 0.0;
+    is_virtual.then_some("the paraxial image is virtual: it lies in front of the last surface")
+}
+
 /// Why a lens has no entrance pupil or no image at a finite distance, from which analyses and tolerances start.
 pub(super) struct NoImage {
     /// What the lens is.

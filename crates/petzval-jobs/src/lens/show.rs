@@ -11,7 +11,7 @@ use petzval_optics::spot::{FieldSpot, PrintedSpot, spot_converged, spot_paraxial
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::focus::{FocusAt, colours_out_of_focus, focused, image_at_infinity, out_of_focus};
+use super::focus::{FocusAt, colours_out_of_focus, focused, image_at_infinity, out_of_focus, virtual_image};
 use super::lost::no_ray_at;
 use crate::context::Context;
 use crate::error::{JobError, Result};
@@ -341,12 +341,8 @@ fn warnings(lens: &Lens, order: &FirstOrder, spots: &[Spots]) -> Vec<String> {
         ));
     }
     found.extend(unshadowed(lens));
-    let last = lens.surfaces.len() - 1;
-    let direction = if lens.light_goes_forwards(last) { 1.0 } else { -1.0 };
     let paraxial_image_mm = paraxial_image_mm(lens);
-    if paraxial_image_mm.is_some_and(|at_mm| at_mm * direction < 0.0) {
-        found.push("the paraxial image is virtual: it lies in front of the last surface".to_owned());
-    }
+    found.extend(virtual_image(lens).map(str::to_owned));
     if !order.efl_mm.is_finite() {
         found.push("the lens is afocal in the y-z plane: it has no focal length".to_owned());
     } else if (lens.track_mm() / order.efl_mm).abs() < NEARLY_AFOCAL {

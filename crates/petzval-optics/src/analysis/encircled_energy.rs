@@ -55,7 +55,9 @@ pub fn encircled_energy(
         );
     }
     let farthest = rays.iter().map(|r| r.0).fold(0.0, maximum);
-    let radius = round_up(1.1 * farthest.max(4.0 * field.airy_radius_um()));
+    // Light that leaves a section parallel has no dark ring.
+    let rings = Some(4.0 * field.airy_radius_um()).filter(|radius| radius.is_finite()).unwrap_or(0.0);
+    let radius = round_up(1.1 * farthest.max(rings));
     let radius_um = evenly(0.0, radius, options.radius_points.max(2));
     let geometric = within(rays.into_iter(), &radius_um);
     let diffraction = by_waves(&field, &beams, &quadrature, centre_mm, &radius_um);

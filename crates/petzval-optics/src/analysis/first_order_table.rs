@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::cone::{Cone, paraxial_image_mm};
+use super::cone::{Cone, leaves_parallel, paraxial_image_mm};
 use crate::lens::{Lens, ObjectDistance};
 use crate::paraxial::{first_order, image_height_per_tangent, paraxial_ray, rectilinear_tangent};
 use crate::seidel::marginal_and_chief;
@@ -90,7 +90,9 @@ pub fn first_order_table(lens: &Lens) -> FirstOrderTable {
         sequence.surfaces.iter().map(|s| s.shape.paraxial_curvature() * (1.0 / s.n_after - 1.0 / s.n_before));
     let n_image = sequence.surfaces.last().map_or(1.0, |s| s.n_after);
     let cone = Cone::of(lens);
-    let is_afocal = lens.object == ObjectDistance::Infinity && !order.efl_mm.is_finite();
+    // Light of the y-z section leaves a telescope parallel, although indices and thicknesses have last digits.
+    let is_afocal =
+        lens.object == ObjectDistance::Infinity && paraxial_image_mm.is_none() && leaves_parallel(lens)[1];
     FirstOrderTable {
         efl_mm: exists(order.efl_mm),
         bfl_mm: exists(order.bfl_mm),

@@ -21,7 +21,10 @@ const MARKER_PX: f64 = 1.5;
 
 /// The matrix of spots, in boxes of a given side or of one that fits them all.
 pub(super) fn spots(analysis: &Analysis, side_um: Option<f64>) -> Sheet {
-    let reach = |s: &SpotDiagram| s.geometric_radius_um.max(1.2 * s.airy_radius_um);
+    let reach = |s: &SpotDiagram| match s.airy_radius_um {
+        airy_um if airy_um.is_finite() => s.geometric_radius_um.max(1.2 * airy_um),
+        _ => s.geometric_radius_um,
+    };
     let sides_um: Vec<f64> = match side_um {
         Some(side_um) => vec![side_um; analysis.spots.len()],
         None => scales(&analysis.spots.iter().map(reach).collect::<Vec<f64>>())
@@ -53,7 +56,9 @@ pub(super) fn spots(analysis: &Analysis, side_um: Option<f64>) -> Sheet {
         })
         .collect();
     let airy = analysis.spots.first().map_or(f64::NAN, |s| s.airy_radius_um);
-    keys.push(Key::remark(format!("circle: Airy disk, radius {} µm", number::fixed(airy, 2))));
+    if airy.is_finite() {
+        keys.push(Key::remark(format!("circle: Airy disk, radius {} µm", number::fixed(airy, 2))));
+    }
     Sheet {
         remark: format!(
             "{boxes} about the centroid of all light, y upwards; RMS and largest distance from there."
@@ -89,8 +94,10 @@ fn one(analysis: &Analysis, spot: &SpotDiagram, side_um: f64) -> Markup {
                     }
                 }
             }
-            circle class="airy" cx=(px(half)) cy=(px(half)) r=(px(scale * spot.airy_radius_um)) stroke=(INK)
-                stroke-width="1.1" {}
+            @if spot.airy_radius_um.is_finite() {
+                circle class="airy" cx=(px(half)) cy=(px(half)) r=(px(scale * spot.airy_radius_um)) stroke=(INK)
+                    stroke-width="1.1" {}
+            }
         }
         rect width=(px(BOX_PX)) height=(px(BOX_PX)) stroke=(AXIS) {}
         path class="scale-bar" stroke=(INK) stroke-width="1.4"

@@ -29,7 +29,7 @@ use self::progress::{Upto, at_the_start, named_violations, not_optimisable};
 use self::request::{ITERATIONS, ROUNDS};
 use self::search::search;
 use self::trade::{check_trade, trades};
-use super::focus::{NoImage, colours_out_of_best_focus, no_image};
+use super::focus::{NoImage, colours_out_of_best_focus, no_image, virtual_image};
 use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, Result};
@@ -120,6 +120,10 @@ pub fn run(request: &Request, context: &Context) -> Result<Response> {
     };
     warn_of_wavelengths(&history.start().lens, &config.goal.wavelengths, context);
     note_held_radius(&problem, history.start(), &config.goal, context);
+    if let Some(said) = virtual_image(&history.start().lens) {
+        let said = format!("{said}, and spots on a plane behind the lens are those of its beams");
+        context.warning(WarningKind::OutOfFocus, said);
+    }
 
     let mut start = at_the_start(&problem);
     let sees_the_same = sees_what_the_file_states(&config.goal, &problem, history.start());
