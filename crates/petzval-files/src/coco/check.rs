@@ -126,8 +126,9 @@ pub(super) fn check_form(data: &DataSet, size_of: impl Fn(&Image) -> (u32, u32),
         let image = *images.get(&annotation.image_id)?;
         let bounds = annotation.unclipped.map_or(annotation.bounds, |(bounds, _)| bounds);
         let size = size_of(image);
-        // In a picture of one pixel every box looks like shares.
-        (size.0 != 1 && size.1 != 1).then_some((annotation, image, bounds, size))
+        // In a picture of one or two pixels every box looks like shares.
+        (!(1..=2).contains(&size.0) && !(1..=2).contains(&size.1))
+            .then_some((annotation, image, bounds, size))
     });
     let placed: Vec<Placed> = placed.collect();
     let is_many = |count: usize, of: usize| count >= LEAST_BOXES && count as f64 > LEAST_OUT * of as f64;
@@ -163,9 +164,10 @@ pub(super) fn check_form(data: &DataSet, size_of: impl Fn(&Image) -> (u32, u32),
 /// An object with its picture, its bounds as the file has them, and the columns and rows of the pixels to which they refer.
 type Placed<'d> = (&'d Annotation, &'d Image, Bounds, (u32, u32));
 
-/// Whether no number of a box is larger than 1.
+/// Whether the numbers of a box may be shares of a picture. Formats in which the last pixel is inside, or pixels are counted from 1, make sides of
+/// shares longer by 1.
 fn is_share(bounds: &Bounds) -> bool {
-    <[f64; 4]>::from(*bounds).iter().all(|number| *number <= 1.0)
+    bounds.x <= 1.0 && bounds.y <= 1.0 && bounds.width <= 2.0 && bounds.height <= 2.0
 }
 
 /// Whether a box with an area has a number between 0 and 1.

@@ -33,8 +33,8 @@ fn is_other_spelling(name: &str) -> bool {
 
 /// Whether a key of this name may be an angle.
 pub(super) fn is_angle(name: &str) -> bool {
-    let mut words = name.split(|c: char| !c.is_alphanumeric());
-    words.any(|word| ANGLES.iter().any(|angle| word.eq_ignore_ascii_case(angle)))
+    let signs = name.split(|c: char| !c.is_alphanumeric());
+    signs.flat_map(words).any(|word| ANGLES.iter().any(|angle| word.eq_ignore_ascii_case(angle)))
 }
 
 /// Names of those attributes of a label that may be angles and are not read.
@@ -54,6 +54,21 @@ pub(super) fn unread_angles<'a>(
 
 fn is_number(value: &Loose) -> bool {
     matches!(value, Loose::Whole(_)) || matches!(value, Loose::Number(value) if value.is_finite())
+}
+
+/// The words of a name such as `rotationAngle`: each begins with a capital behind a small letter.
+fn words(name: &str) -> impl Iterator<Item = &str> {
+    let mut rest = name;
+    std::iter::from_fn(move || {
+        let next = rest
+            .char_indices()
+            .zip(rest.chars().skip(1))
+            .find(|((_, c), next)| c.is_lowercase() && next.is_uppercase());
+        let end = next.map_or(rest.len(), |((at, c), _)| at + c.len_utf8());
+        let word = rest.get(..end).filter(|word| !word.is_empty())?;
+        rest = &rest[end..];
+        Some(word)
+    })
 }
 
 /// Whether a value for an angle rotates nothing.
@@ -92,10 +107,12 @@ mod tests {
 
     #[test]
     fn names_of_angles_are_whole_words() {
-        for name in ["angle", "Angle", "rotation_deg", "box theta", "ROT", "Rotation"] {
+        for name in
+            ["angle", "Angle", "rotation_deg", "box theta", "ROT", "Rotation", "rotationAngle", "boxTheta"]
+        {
             assert!(is_angle(name), "{name}");
         }
-        for name in ["rectangle", "triangle", "orientation", "rotten", ""] {
+        for name in ["rectangle", "triangle", "orientation", "rotten", "roTate", ""] {
             assert!(!is_angle(name), "{name}");
         }
         assert!(is_rotation(" rotation") && !is_rotation("Rotation") && is_other_spelling("Rotation"));

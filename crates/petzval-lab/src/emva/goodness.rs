@@ -235,17 +235,22 @@ fn fit(points: &Points, powers: &[i32]) -> Option<Fitted> {
 pub struct Bend {
     /// Coefficients of `y = a + b x + c x^2`; `a` is zero for a model through the origin.
     pub coefficients: [f64; 3],
+    /// Their change where the quadratic one is larger by its standard error, which contains how the points scatter.
+    pub step: [f64; 3],
     /// Whether the quadratic term is significant at [`ALPHA`], and there are more abscissae than coefficients: without them, points that scatter look
     /// the same.
     pub is_certain: bool,
 }
 
-/// Degrees of freedom around the bent line up to which the scatter of points is hardly known.
-const FEW_DEGREES: usize = 2;
-/// Level at which a curvature among points that scatter may be a bend, with more degrees of freedom.
-const POSSIBLE: f64 = 0.05;
+impl Bend {
+    /// The coefficients with a quadratic one that differs by so many standard errors.
+    pub fn off_by(&self, sigmas: f64) -> Self {
+        let coefficients = [0, 1, 2].map(|k| self.coefficients[k] + sigmas * self.step[k]);
+        Self { coefficients, ..*self }
+    }
+}
 
-/// The quadratic term of points that depart from a model, if it is significant, or if the test of their curvature cannot exclude it. `None` if the
+/// The quadratic term of points, if it is significant, or if they depart from a model: what makes them scatter may hide a bend. `None` if the
 /// model holds, has no bent form, or the points do not determine that form.
 pub fn bend(points: &Points, model: Model) -> Option<Bend> {
     let powers = model.bent()?;
@@ -257,11 +262,17 @@ pub fn bend(points: &Points, model: Model) -> Option<Bend> {
         let straight = fit(points, model.powers());
         straight.is_some_and(|straight| chi2_beyond(straight.chi2, degrees + 1) < ALPHA)
     };
-    let is_possible = (degrees <= FEW_DEGREES || p < POSSIBLE) && departs();
-    (is_significant || is_possible).then(|| {
+    (is_significant || departs()).then(|| {
+        let (first, last) = (3 - powers.len(), powers.len() - 1);
         let mut coefficients = [0.0; 3];
-        coefficients[3 - powers.len()..].copy_from_slice(bent.coefficients.as_slice());
-        Bend { coefficients, is_certain: is_significant && places(&points.x) > powers.len() }
+        coefficients[first..].copy_from_slice(bent.coefficients.as_slice());
+        let scatters = degrees > 0 && chi2_beyond(bent.chi2, degrees) < ALPHA;
+        let scatter = if scatters { (bent.chi2 / degrees as f64).sqrt() } else { 1.0 };
+        let mut step = [0.0; 3];
+        for k in 0..powers.len() {
+            step[first + k] = scatter * bent.covariance[(k, last)] / bent.covariance[(last, last)].sqrt();
+        }
+        Bend { coefficients, step, is_certain: is_significant && places(&points.x) > powers.len() }
     })
 }
 

@@ -335,9 +335,15 @@ fn tested_gain(used: &[TransferPoint], response: &[TransferPoint], is_open: bool
     let share = bend.and_then(|bend| share_of_gain(&bend, used));
     // Without further points, and where the bend is too large for its formula, the variance limits what it does.
     let open = || open_by_variance(&points, k).min(k.abs());
-    let of_bend = bend.map_or(0.0, |bend| match share.map(|share| (k * (share - 1.0)).abs()) {
-        Some(of_bend) if bend.is_certain => of_bend,
-        Some(of_bend) => of_bend.min(open()),
+    let of_share = |share: f64| (k * (share - 1.0)).abs();
+    let of_bend = bend.map_or(0.0, |bend| match share {
+        Some(share) if bend.is_certain => of_share(share),
+        // What makes the points scatter may hide a larger bend.
+        Some(_) => {
+            let ends = [-1.0, 1.0]
+                .map(|sigmas| share_of_gain(&bend.off_by(sigmas), used).map_or(f64::INFINITY, of_share));
+            ends[0].max(ends[1]).min(open())
+        }
         None => open(),
     });
     // Near saturation the variance above is that of the knee.
@@ -410,7 +416,7 @@ fn tested_responsivity(used: &[TransferPoint], response: &[TransferPoint]) -> Re
         && let Some(photons) = photons_of(response)
         && let Some(bend) = bend(&response_points(photons, response), Model::ThroughOrigin)
     {
-        test.model_error = test.model_error.hypot(bend.coefficients[1] - r);
+        test.model_error = test.model_error.hypot(bend.coefficients[1] - r).hypot(bend.step[1]);
         test.verdict = Verdict::Widened;
     }
     Ok(Tested { by_noise: Measured::new(r, of_noise), test, straightened: None })

@@ -339,6 +339,8 @@ impl Attempt {
         }
         // The result counts from here on: what fails now is untidy, and nothing else.
         let files = store.folder(&key).join("files");
+        // Files of an earlier result that was taken away are of no result.
+        let _gone = store.layer.remove_folder(&files);
         let _tidied =
             if has_files { store.layer.rename_folder(&own, &files) } else { store.layer.remove_folder(&own) };
         for number in (1..=self.number).filter(|number| *number != self.number) {

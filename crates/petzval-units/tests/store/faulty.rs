@@ -326,3 +326,28 @@ fn a_file_that_another_machine_replaces_while_it_is_read_is_no_damage() {
     let begun = store.begin(&unit, &holder(2), true, &mut Seen::default(), &Cancel::default());
     assert!(matches!(begun, Ok(Begun::Done(_))));
 }
+
+#[test]
+fn a_result_that_was_taken_away_is_made_again_with_its_own_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let clock = Arc::new(Simulated::default());
+    let store = Store::on(&folder.path().join("store"), Arc::new(Disk), clock.clone()).unwrap();
+    let unit = prepared(&trivial("unit", 1.0));
+    run_with_two_files(&store, &unit);
+    let of_unit = store.folder(&unit.key);
+    std::fs::remove_file(of_unit.join("result.json")).unwrap();
+    // The attempt has ended with a result, which may come to be visible.
+    let (mut seen, cancel) = (Seen::default(), Cancel::default());
+    let mut begin = || store.begin(&unit, &holder(2), false, &mut seen, &cancel).unwrap();
+    assert!(matches!(begin(), Begun::Elsewhere(_)));
+    clock.wait(STALE_AFTER);
+    let Begun::Mine(attempt) = begin() else { panic!() };
+    std::fs::create_dir_all(attempt.folder()).unwrap();
+    std::fs::write(attempt.folder().join("a.txt"), "another").unwrap();
+    attempt.keep_contents().unwrap();
+    attempt.finish(json!({"value": 8})).unwrap();
+    assert_eq!(std::fs::read_to_string(of_unit.join("files/a.txt")).unwrap(), "another");
+    assert!(!of_unit.join("files/b.txt").exists());
+    let state = store.state(&unit.key, &mut Seen::default()).unwrap();
+    assert!(matches!(state, UnitState::Done(_)), "{state:?}");
+}

@@ -141,7 +141,8 @@ fn note_finished(status: &SweepStatus, options: &Options) {
 /// Starts a process. Where there are several, each writes to a file of its own.
 fn start(kept: &KeptSweep, root: &Path, options: &Options, place: usize) -> Result<Child, Failure> {
     let program = std::env::current_exe().map_err(|e| Failure::job(format!("this program: {e}")))?;
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    // Those of `--threads`, else all cores.
+    let threads = rayon::current_num_threads();
     // The folder in which a process works may be another one.
     let root = std::path::absolute(root).map_err(|e| Failure::job(format!("{}: {e}", shown(root))))?;
     let mut command = Command::new(program);
@@ -153,7 +154,7 @@ fn start(kept: &KeptSweep, root: &Path, options: &Options, place: usize) -> Resu
         command.arg("--retry");
     }
     if kept.threads == 0 {
-        command.arg("--threads").arg((cores / options.jobs).max(1).to_string());
+        command.arg("--threads").arg((threads / options.jobs).max(1).to_string());
     }
     command.env("PETZVAL_SIMD", kept.simd.variable()).stdin(Stdio::null()).stdout(Stdio::null());
     // These processes take all units, also within a task of a cluster.
