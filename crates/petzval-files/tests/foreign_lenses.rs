@@ -267,6 +267,7 @@ fn no_glass_stands_in_for_one_of_the_files_maker_that_was_left_out() {
     assert!(losses.iter().all(|loss| !loss.to_string().contains("GCAT")), "{losses:?}");
     // A glass of the user's own.
     assert_eq!(refused("SCHOTT", &without("Schott", &[""])), None);
+    assert!(refused("SCHOTT", &without("", &[])).is_some());
 }
 
 /// Whether a hair's breadth in front of the focus or behind it, a stop at the focus makes parallel chief rays of the right heights, and a cone of

@@ -27,12 +27,13 @@ impl Entry {
     pub fn begin(line: &Line, maker: &str, warnings: &mut Vec<GlassWarning>) -> Result<Self, Refused> {
         let words: Vec<&str> = line.words().collect();
         let formula = words.get(1).and_then(|word| finite(word));
+        let is_obsolete = words.get(6) == Some(&"2");
         let (Some(name), Some(formula)) = (words.first(), formula) else {
             let error = line.error("a glass needs a name and the number of a formula");
             return Err(Refused {
                 name: words.first().map(|name| (*name).to_owned()),
                 maker: maker.to_owned(),
-                is_obsolete: false,
+                is_obsolete,
                 error: Box::new(error),
             });
         };
@@ -41,7 +42,7 @@ impl Entry {
             let hint = format!("formulas are numbered from 1 to {}", COUNTS.len());
             let error = Box::new(line.error(message).hint(hint));
             let (name, maker) = (Some((*name).to_owned()), maker.to_owned());
-            return Err(Refused { name, maker, is_obsolete: false, error });
+            return Err(Refused { name, maker, is_obsolete, error });
         }
         // The formula is set when `CD` is read.
         let mut glass = Glass::new(*name, Dispersion::Constant(1.0));

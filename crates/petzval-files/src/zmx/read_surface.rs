@@ -387,8 +387,10 @@ impl<'a> RawSurface<'a> {
         let all = shapes.catalog.all(name).iter().rev();
         let of_file =
             all.filter_map(|glass| Some((place(&glass.maker)?, glass))).min_by_key(|(place, _)| *place);
-        let is_first =
-            |maker: &str| place(maker).is_some_and(|own| of_file.is_none_or(|(found, _)| own <= found));
+        let is_first = |maker: &str| match place(maker) {
+            Some(own) => of_file.is_none_or(|(found, _)| own <= found),
+            None => maker.is_empty() && by_name.is_err(),
+        };
         if let Some((_, refused)) = shapes.catalog.refusals(name).find(|(maker, _)| is_first(maker)) {
             return Err(unknown_glass(&line.record(), &refused));
         }

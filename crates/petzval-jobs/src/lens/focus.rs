@@ -261,6 +261,11 @@ fn is_virtual(lens: &Lens) -> bool {
     lens.goes_against_the_light(lens.surfaces.len() - 1)
 }
 
+/// Whether the plane of best focus lies in front of the last surface, as that of a lens with a virtual image does.
+pub(super) fn is_virtual_at_best(lens: &Lens) -> bool {
+    focused(with_paraxial_focus(lens, 0.0), FocusAt::Best).is_ok_and(|best| is_virtual(&best))
+}
+
 /// What to say of a lens whose paraxial image lies where no image plane can be.
 pub(super) fn virtual_image(lens: &Lens) -> Option<&'static str> {
     let direction = if lens.light_goes_forwards(lens.surfaces.len() - 1) { 1.0 } else { -1.0 };

@@ -19,7 +19,7 @@ use super::compressed::Compression;
 use super::deviation_noise::{DeviationNoise, Extremes};
 use super::fit::{Line, line};
 use super::goodness::{Bend, FitTest, Model, Points, Verdict, bend, places, slope_at_zero, test};
-use super::measured::{Measured, RESOLVED_SIGMAS, Unresolved};
+use super::measured::{Measured, Unresolved};
 use super::saturation::{Saturation, saturation};
 use super::shared_noise::SharedNoise;
 use super::transfer_point::FIT_SHARE;
@@ -69,7 +69,7 @@ pub struct PhotonTransfer {
     /// Whether the variance lies on the line of the gain.
     pub gain_test: FitTest,
     /// System gain without the bend of the response over the light, DN/e-, if more lights than a parabola needs show that it bends. The error is that
-    /// of noise, and holds for a response that is quadratic.
+    /// of noise and of the bend, and holds for a response that is quadratic.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub straightened_gain_dn_per_e: Option<Measured>,
     /// Noise that pixels or frames share, if they do: K is withdrawn, or its error contains the variance that is missing.
@@ -331,7 +331,9 @@ fn tested_gain(used: &[TransferPoint], response: &[TransferPoint], is_open: bool
     let points = transfer_points(used, k);
     let (mut test, departure) = test(&points, Model::ThroughOrigin, &[k]);
     let of_noise = by_noise.error_or_zero();
-    let bend = bend_of_response(response);
+    // A line that need not go through the origin is far from one point: it is not extrapolated to zero.
+    let model = if used.len() == 1 { Model::ThroughOrigin } else { model_of_response(response) };
+    let bend = bend(&response_points(light(response), response), model);
     let share = bend.and_then(|bend| share_of_gain(&bend, used));
     // Without further points, and where the bend is too large for its formula, the variance limits what it does.
     let open = || open_by_variance(&points, k).min(k.abs());
@@ -347,32 +349,37 @@ fn tested_gain(used: &[TransferPoint], response: &[TransferPoint], is_open: bool
         None => open(),
     });
     // Near saturation the variance above is that of the knee.
-    let of_above = if is_open { of_points_above(used, response, [k, of_noise]) } else { 0.0 };
+    let of_above = if is_open { of_points_above(used, response, k) } else { 0.0 };
     test.model_error = departure.error(0, of_noise).hypot(of_bend).hypot(of_above);
     if test.model_error > 0.0 {
         test.verdict = Verdict::Widened;
     }
-    let certain = bend.filter(|bend| bend.is_certain).and(share);
-    let straightened = certain.map(|share| by_noise.scale(1.0 / share));
+    let certain = bend.filter(|bend| bend.is_certain).zip(share);
+    let straightened = certain.and_then(|(bend, share)| {
+        let [low, high] = [share_of_gain(&bend.off_by(-1.0), used)?, share_of_gain(&bend.off_by(1.0), used)?];
+        let straight = by_noise.scale(1.0 / share);
+        Some(straight.with_error(straight.value()? * (high - low).abs() / (2.0 * share)))
+    });
     Tested { by_noise, test, straightened }
 }
 
-/// How far the variance of the points above is from a gain that one point determines, with its error, DN/e-; 0 within two standard errors. A light
-/// that drifts may hide how the response bends, and a knee may have begun in that point.
-fn of_points_above(used: &[TransferPoint], response: &[TransferPoint], [k, error]: [f64; 2]) -> f64 {
+/// How far the variance of the points above is from a gain that one point determines, DN/e-. A light that drifts may hide how the response bends,
+/// and a knee may have begun in that point.
+fn of_points_above(used: &[TransferPoint], response: &[TransferPoint], k: f64) -> f64 {
     if used.len() != 1 || response.len() == 1 {
         return 0.0;
     }
-    let Some([slope, slope_error]) = slope_at_zero(&transfer_points(response, k)) else { return k.abs() };
-    let distance = (slope - k).abs();
-    if distance > RESOLVED_SIGMAS * slope_error.hypot(error) { distance.min(k.abs()) } else { 0.0 }
+    slope_at_zero(&transfer_points(response, k)).map_or(k, |[slope, _]| slope - k).abs().min(k.abs())
 }
 
-/// The bend of the response over the light; through the origin, if there are two lights.
+/// The bend of the response over the light.
 fn bend_of_response(points: &[TransferPoint]) -> Option<Bend> {
-    let light = light(points);
-    let model = if places(&light) < 3 { Model::ThroughOrigin } else { Model::Line };
-    bend(&response_points(light, points), model)
+    bend(&response_points(light(points), points), model_of_response(points))
+}
+
+/// The model of the response over the light: through the origin, if there are two lights.
+fn model_of_response(points: &[TransferPoint]) -> Model {
+    if places(&light(points)) < 3 { Model::ThroughOrigin } else { Model::Line }
 }
 
 /// The variance of each point of a response that bends at a gain of one, `(mu'(H) / mu'(0))^2 mu'(0) H`, DN; `None` where the bend is too large
@@ -416,7 +423,8 @@ fn tested_responsivity(used: &[TransferPoint], response: &[TransferPoint]) -> Re
         && let Some(photons) = photons_of(response)
         && let Some(bend) = bend(&response_points(photons, response), Model::ThroughOrigin)
     {
-        test.model_error = test.model_error.hypot(bend.coefficients[1] - r).hypot(bend.step[1]);
+        let hidden = (bend.coefficients[1] - r).abs().max(bend.step[1].abs());
+        test.model_error = test.model_error.max(hidden);
         test.verdict = Verdict::Widened;
     }
     Ok(Tested { by_noise: Measured::new(r, of_noise), test, straightened: None })

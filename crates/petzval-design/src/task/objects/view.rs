@@ -29,7 +29,8 @@ const SHOWN: &str = "ap50";
 pub(super) fn report(cameras: &Cameras, run: &RunFolder, metrics: &Metrics) -> Result<TaskReport> {
     let classes = cameras.experiment.classes();
     let mut all: Vec<Option<Seen>> = Vec::new();
-    for (number, row) in metrics.rows.iter().enumerate() {
+    for row in &metrics.rows {
+        let number = cameras.variants.iter().position(|v| v.name == row.camera).unwrap_or(all.len());
         let windows = seen_windows::read(run, &row.camera)?;
         all.push(windows.map(|windows| Seen::new(number, row, windows, classes.len())));
     }

@@ -18,7 +18,8 @@ pub(super) fn report(cameras: &Cameras, run: &RunFolder, metrics: &Metrics) -> R
     let classes = cameras.experiment.classes().counted();
     let scores = segment_scores(&classes.names());
     let mut all = Vec::new();
-    for (number, row) in metrics.rows.iter().enumerate() {
+    for row in &metrics.rows {
+        let number = cameras.variants.iter().position(|v| v.name == row.camera).unwrap_or(all.len());
         if let Some(SegmentedFrames { all: frames, shown }) =
             segmented_frames::read(run, &row.camera, classes.len())?
         {

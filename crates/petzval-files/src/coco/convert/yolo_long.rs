@@ -169,8 +169,10 @@ fn is_small_outline([middle, size]: [[f64; 2]; 2], points: &[&[f64]]) -> bool {
 fn begins_with_box(points: &[[f64; 2]]) -> bool {
     let [[x, y], [width, height], others @ ..] = points else { return false };
     let stated = [x - 0.5 * width, y - 0.5 * height, *width, *height];
+    // Of a tiny outline, all points are near each other.
+    let rounding = ROUNDING.min(0.25 * width.min(*height));
     Bounds::around(others.iter().copied()).is_some_and(|around| {
-        stated.iter().zip(<[f64; 4]>::from(around)).all(|(stated, found)| (stated - found).abs() <= ROUNDING)
+        stated.iter().zip(<[f64; 4]>::from(around)).all(|(stated, found)| (stated - found).abs() <= rounding)
     })
 }
 
@@ -254,6 +256,8 @@ mod tests {
         let (_, error) = lines(&[(1, three), (1, four)]).doubt().unwrap();
         let text = error.to_string();
         assert!(text.contains("2 of 2 lines") && text.contains("keep five values"), "{text}");
+        let tiny = &[0.004, 0.004, 0.008, 0.004, 0.008, 0.01];
+        assert!(!begins_with_box(&[[tiny[0], tiny[1]], [tiny[2], tiny[3]], [tiny[4], tiny[5]]]));
         let without_box = &[0.4, 0.3, 0.6, 0.3, 0.5, 0.7];
         assert!(lines(&[(1, three), (1, four), (1, without_box)]).doubt().is_none());
     }

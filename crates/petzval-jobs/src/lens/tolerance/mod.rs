@@ -25,7 +25,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use self::findings::Findings;
-use super::focus::{check_image, colours_out_of_best_focus, virtual_image};
+use super::focus::{check_image, colours_out_of_best_focus, is_virtual_at_best, virtual_image};
 use crate::as_unit::AsUnit;
 use crate::context::Context;
 use crate::error::{JobError, Result, make_folder};
@@ -219,7 +219,7 @@ impl Subject {
         let (name, context) = request.lens.placed(context)?;
         let lens = context.assets.lens(&name)?.lens;
         check_image(&name, &lens)?;
-        if let Some(said) = virtual_image(&lens) {
+        if let Some(said) = virtual_image(&lens).filter(|_| is_virtual_at_best(&lens)) {
             context.warning(WarningKind::OutOfFocus, format!("{name}: {said}, so that no sensor sees it"));
         }
         if request.merit == Merit::Mtf
