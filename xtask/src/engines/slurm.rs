@@ -13,8 +13,9 @@ use super::{Ended, Tools};
 /// Tasks of the array; as many CPUs has the node.
 const TASKS: usize = 2;
 
-/// Rounds of a search: two of them outlast the time of grace, in which a task without a signal of its own goes on.
-const ROUNDS: usize = 50;
+/// Rounds of a search. A task without a signal of its own goes on in the time of grace and until Slurm looks whether that has passed, which it does
+/// each half minute: two searches take longer than both.
+const ROUNDS: usize = 120;
 
 pub fn run(tools: &Tools) -> Result<Ended, String> {
     let missing = missing();
