@@ -69,6 +69,11 @@ pub struct Cameras {
 }
 
 impl Cameras {
+    /// The place of a camera among all of the run, which gives its colour.
+    pub fn place_of(&self, camera: &str) -> Option<usize> {
+        self.variants.iter().position(|variant| variant.name == camera)
+    }
+
     /// Resolves an experiment against the built-in library and the file system.
     pub fn new(experiment: Experiment, facts: &TaskFacts, assets: &Assets, device: Device) -> Result<Self> {
         let sensor = assets.sensor(&experiment.sensor)?;

@@ -189,6 +189,14 @@ struct Fitted {
     chi2: f64,
 }
 
+impl Fitted {
+    /// How far points scatter over their errors; `None` where these explain it.
+    fn scatter(&self, degrees: usize) -> Option<f64> {
+        let is_beyond = degrees > 0 && chi2_beyond(self.chi2, degrees) < ALPHA;
+        is_beyond.then(|| (self.chi2 / degrees as f64).sqrt())
+    }
+}
+
 /// Abscissae that differ by less than this share of the largest are one.
 const SAME_PLACE: f64 = 1e-6;
 
@@ -266,8 +274,7 @@ pub fn bend(points: &Points, model: Model) -> Option<Bend> {
         let (first, last) = (3 - powers.len(), powers.len() - 1);
         let mut coefficients = [0.0; 3];
         coefficients[first..].copy_from_slice(bent.coefficients.as_slice());
-        let scatters = degrees > 0 && chi2_beyond(bent.chi2, degrees) < ALPHA;
-        let scatter = if scatters { (bent.chi2 / degrees as f64).sqrt() } else { 1.0 };
+        let scatter = bent.scatter(degrees).unwrap_or(1.0);
         let mut step = [0.0; 3];
         for k in 0..powers.len() {
             step[first + k] = scatter * bent.covariance[(k, last)] / bent.covariance[(last, last)].sqrt();
@@ -287,11 +294,12 @@ pub fn slope_at_zero(points: &Points) -> Option<[f64; 2]> {
 fn curvature(bent: &Fitted, degrees: usize) -> (f64, f64) {
     let last = bent.coefficients.len() - 1;
     let sigmas = bent.coefficients[last] / bent.covariance[(last, last)].sqrt();
-    if degrees > 0 && chi2_beyond(bent.chi2, degrees) < ALPHA {
-        let sigmas = sigmas / (bent.chi2 / degrees as f64).sqrt();
-        (sigmas, student_beyond(sigmas, degrees))
-    } else {
-        (sigmas, normal_beyond(sigmas))
+    match bent.scatter(degrees) {
+        Some(scatter) => {
+            let sigmas = sigmas / scatter;
+            (sigmas, student_beyond(sigmas, degrees))
+        }
+        None => (sigmas, normal_beyond(sigmas)),
     }
 }
 

@@ -30,7 +30,7 @@ pub(super) fn report(cameras: &Cameras, run: &RunFolder, metrics: &Metrics) -> R
     let classes = cameras.experiment.classes();
     let mut all: Vec<Option<Seen>> = Vec::new();
     for row in &metrics.rows {
-        let number = cameras.variants.iter().position(|v| v.name == row.camera).unwrap_or(all.len());
+        let number = cameras.place_of(&row.camera).unwrap_or(all.len());
         let windows = seen_windows::read(run, &row.camera)?;
         all.push(windows.map(|windows| Seen::new(number, row, windows, classes.len())));
     }

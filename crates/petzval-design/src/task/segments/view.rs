@@ -19,7 +19,7 @@ pub(super) fn report(cameras: &Cameras, run: &RunFolder, metrics: &Metrics) -> R
     let scores = segment_scores(&classes.names());
     let mut all = Vec::new();
     for row in &metrics.rows {
-        let number = cameras.variants.iter().position(|v| v.name == row.camera).unwrap_or(all.len());
+        let number = cameras.place_of(&row.camera).unwrap_or(all.len());
         if let Some(SegmentedFrames { all: frames, shown }) =
             segmented_frames::read(run, &row.camera, classes.len())?
         {
